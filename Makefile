@@ -1,0 +1,45 @@
+# Two commands do everything on a machine with Python ≥ 3.11 and make: `make tables` and `make test`.
+SCALE ?= quick
+PYTHON ?= python3
+WORKERS ?= $(shell $(PYTHON) -c "import os; print(os.cpu_count())")
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.ready
+DATA := data/$(SCALE)/manifest.json
+
+.PHONY: setup test lint data tables figures bench clean
+.DEFAULT_GOAL := tables
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'symshrec needs Python 3.11 or newer; name one with make PYTHON=…')"
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	touch $@
+
+test: setup
+	$(BIN)/python -m pytest
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+
+# Verifies what is there and makes what is missing; killed at any moment, it goes on where it was.
+data: setup
+	$(BIN)/python experiments/generate.py data=$(SCALE) workers=$(WORKERS)
+
+tables: data
+	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
+	$(BIN)/python experiments/tables.py data=$(SCALE)
+
+figures: setup
+	$(BIN)/python experiments/figures.py
+
+bench: setup
+	$(BIN)/python experiments/bench.py
+
+clean:
+	rm -rf $(VENV) data runs
