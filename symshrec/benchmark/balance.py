@@ -1,0 +1,76 @@
+"""§2.1–2.2 Which family and perturbation each cloud of a split has: random order, exact counts."""
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS
+from symshrec.benchmark.config import BenchmarkConfig
+
+
+@dataclass(frozen=True, eq=False)
+class SplitLabels:
+    """families and perturbations (C,) uint8: per cloud, the place in FAMILIES and in PERTURBATIONS."""
+
+    families: np.ndarray
+    perturbations: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.families)
+
+
+def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
+    """Labels of a split's clouds in their order, from (seed, split) and the configured counts alone.
+
+    Both counts hold exactly, and every family has its perturbations in the proportion of the whole split, to one or two
+    clouds: 42 clouds hold each of the 42 pairs once.
+
+    Raises:
+        ValueError: for a split the config lacks, or counts that do not add up, naming the field.
+    """
+    if split not in config.splits:
+        raise ValueError(f"the config has no split {split!r}; it has {', '.join(config.splits) or 'none'}")
+    sizes = config.splits[split]
+    families = _counts(f"splits.{split}.families", sizes.families, FAMILIES, sizes.clouds)
+    perturbations = _counts(f"splits.{split}.perturbations", sizes.perturbations, PERTURBATIONS, sizes.clouds)
+    return _labels(config.seed, split, families, perturbations)
+
+
+def generator(seed: int, split: str, *key: int) -> np.random.Generator:
+    """The random stream of (seed, split, *key), independent of every other and of any order of drawing."""
+    split_number = int.from_bytes(hashlib.sha256(split.encode()).digest()[:4], "little")
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(split_number, *key))))
+
+
+def _counts(name: str, given: dict[str, int] | None, names: Sequence[str], clouds: int) -> tuple[int, ...]:
+    """Clouds per name: as given, or spread evenly with the remainder on the first ones."""
+    if clouds < 1:
+        raise ValueError(f"{name.rpartition('.')[0]}.clouds is {clouds}; a split holds 1 cloud or more")
+    if given is None:
+        return tuple(clouds // len(names) + (place < clouds % len(names)) for place in range(len(names)))
+    unknown = [each for each in given if each not in names]
+    if unknown:
+        raise ValueError(f"{name} names {', '.join(unknown)}; there are {', '.join(names)}")
+    counts = tuple(int(given.get(each, 0)) for each in names)
+    if min(counts) < 0 or sum(counts) != clouds:
+        raise ValueError(
+            f"{name} is {dict(given)}, together {sum(counts)}; it must add up to the split's {clouds} clouds"
+        )
+    return counts
+
+
+@lru_cache(maxsize=16)
+def _labels(seed: int, split: str, families: tuple[int, ...], perturbations: tuple[int, ...]) -> SplitLabels:
+    """Families in blocks, perturbations interleaved in proportion, the pairs shuffled together."""
+    shuffle = generator(seed, split).permutation(sum(families))
+    blocks = np.repeat(np.arange(len(families), dtype=np.uint8), families)
+    turns = np.concatenate([(np.arange(count) + 0.5) / max(count, 1) for count in perturbations])
+    names = np.repeat(np.arange(len(perturbations), dtype=np.uint8), perturbations)
+    interleaved = names[np.argsort(turns, kind="stable")]
+    labels = SplitLabels(blocks[shuffle], interleaved[shuffle])
+    labels.families.setflags(write=False)
+    labels.perturbations.setflags(write=False)
+    return labels

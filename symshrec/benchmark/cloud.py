@@ -1,0 +1,53 @@
+"""§2.1–2.2 One cloud of the benchmark with its true planes and everything known about how it was made."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from symshrec.benchmark import perturbations
+from symshrec.planes import Planes
+
+FAMILIES = (
+    "astroid",
+    "citrus",
+    "m_convexities",
+    "geometric_petal",
+    "lemniscate_bernoulli",
+    "egg_keplero",
+    "mouth_curve",
+)  # Table 4's S1–S7, in its order and under the names of published.csv
+SOLIDS = ("cylinder", "cone")
+PERTURBATIONS = tuple(perturbations.PERTURBATIONS)
+UNKNOWN = "unknown"  # a label that the track's own files do not give
+
+
+@dataclass(frozen=True)
+class Labels:
+    """How a cloud was made; UNKNOWN where a file does not say.
+
+    parameters: of the curve, the extrusion and the perturbation, by name (a, b, m, height, ...).
+    rotation (3, 3) and translation (3,): the pose, x ↦ rotation x + translation.
+    """
+
+    family: str = UNKNOWN
+    solid: str = UNKNOWN
+    perturbation: str = UNKNOWN
+    parameters: dict[str, float] = field(default_factory=dict)
+    rotation: np.ndarray | None = None
+    translation: np.ndarray | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledCloud:
+    """points (N, 3) float32, true planes (None where the truth is withheld), labels, and the ID in its split."""
+
+    points: np.ndarray
+    planes: Planes | None
+    labels: Labels
+    id: int
+    name: str
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the diagonal of the axis-aligned bounding box, in the cloud's units (§2.3's scale for ε)."""
+        return float(np.linalg.norm(np.ptp(self.points.astype(np.float64), axis=0)))
