@@ -1,0 +1,57 @@
+"""§4.2 Scores by group: all clouds, each perturbation (Table 3), each curve family (Table 4), cylinder and cone."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS, UNKNOWN, Labels
+from symshrec.metrics.scores import Scores
+
+ALL = "all"
+
+
+class GroupScore(NamedTuple):
+    """One value of one metric over one group of clouds at one tolerance pair."""
+
+    metric: str
+    group: str
+    theta_deg: float
+    epsilon: float
+    value: float
+    clouds: int
+
+
+def group_masks(labels: Sequence[Labels]) -> dict[str, np.ndarray]:
+    """The clouds (C,) bool of each group that has any: "all", perturbations, families, solids, in the tables' order.
+
+    Names beyond the benchmark's own come after these, sorted; UNKNOWN makes no group.
+    """
+    masks = {ALL: np.ones(len(labels), bool)} if len(labels) else {}
+    for field, known in (("perturbation", PERTURBATIONS), ("family", FAMILIES), ("solid", SOLIDS)):
+        names = np.array([getattr(each, field) for each in labels], dtype=np.str_)
+        present = set(names.tolist()) - {UNKNOWN}
+        order = [name for name in known if name in present] + sorted(present.difference(known))
+        masks.update({name: names == name for name in order})
+    return masks
+
+
+def grouped(scores: Scores, labels: Sequence[Labels]) -> list[GroupScore]:
+    """Every metric of every group at every tolerance pair, in the long form that tables are made of.
+
+    Args:
+        scores: of C clouds. labels: of the same clouds, in the same order.
+
+    Raises:
+        ValueError: where the two differ in length.
+    """
+    if len(scores) != len(labels):
+        raise ValueError(f"scores of {len(scores)} clouds and labels of {len(labels)} do not belong together")
+    rows = []
+    for group, mask in group_masks(labels).items():
+        clouds = int(mask.sum())
+        for metric, grid in scores.means(mask).items():
+            for (theta, epsilon), value in np.ndenumerate(grid):
+                tolerance = float(scores.thetas_deg[theta]), float(scores.epsilons[epsilon])
+                rows.append(GroupScore(metric, group, *tolerance, float(value), clouds))
+    return rows

@@ -1,0 +1,1 @@
+"""Plain, slow, obvious implementations that tests and benchmarks hold the product against."""
