@@ -20,8 +20,11 @@ class DiskFullError(OSError):
     """No room for a shard; says where and how much is needed."""
 
 
-def write_atomically(path: Path, data: bytes) -> None:
+def write_atomically(path: Path, data: bytes, sync: bool = True) -> None:
     """Write `data` so that a kill at any moment leaves the old file, or none, or the whole new one.
+
+    Args:
+        sync: wait for the disk, so that this holds for a power cut too; slow for many small files.
 
     Raises:
         DiskFullError: where the disk, a quota or a file-size limit stops it; nothing is left behind.
@@ -30,8 +33,9 @@ def write_atomically(path: Path, data: bytes) -> None:
     try:
         with open(temporary, "wb") as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+            if sync:
+                file.flush()
+                os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
         with suppress(OSError):

@@ -1,0 +1,33 @@
+"""Kinds of arguments that several commands take."""
+
+import argparse
+import math
+
+
+def count(text: str) -> int:
+    """A whole number from 1 on."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return int(text)
+
+
+def angle(text: str) -> float:
+    """Degrees from 0 to 90."""
+    return _between(text, 90)
+
+
+def share(text: str) -> float:
+    """A finite number from 0 on."""
+    return _between(text, math.inf)
+
+
+def _between(text: str, most: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value <= most or math.isinf(value):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a number from 0 {'on' if math.isinf(most) else f'to {most}'}"
+        )
+    return value

@@ -1,0 +1,54 @@
+"""The command line as a whole: commands, exit codes, and what is not imported."""
+
+import subprocess
+import sys
+
+import pytest
+
+from symshrec.cli import COMMANDS, main
+
+
+def test_help_lists_every_command(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--help"])
+    assert end.value.code == 0
+    told = capsys.readouterr().out
+    assert all(f"  {name} " in told for name in COMMANDS)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_explains_itself(command, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([command, "--help"])
+    assert end.value.code == 0
+    assert f"usage: symshrec {command}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["fly"], "invalid choice: 'fly'"),
+        ([], "required"),
+        (["score", "a"], "required: truth"),
+        (["score", "a", "b", "--theta-deg", "91"], "'91' is not a number from 0 to 90"),
+        (["score", "a", "b", "--epsilon", "-1"], "'-1' is not a number from 0 on"),
+        (["score", "a", "b", "--workers", "0"], "'0' is not a whole number from 1 on"),
+        (["export", "a", "b", "--format", "pdf"], "invalid choice: 'pdf'"),
+    ],
+)
+def test_wrong_arguments_end_with_2_and_say_why(arguments, problem, capsys):
+    with pytest.raises(SystemExit) as end:
+        main(arguments)
+    assert end.value.code == 2
+    assert problem in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_no_command_waits_for_torch(command):
+    check = f"import sys, symshrec.cli.{command}; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
+
+
+def test_help_does_not_wait_for_numpy():
+    check = "import sys, symshrec.cli; sys.exit('numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
