@@ -1,0 +1,18 @@
+"""How clouds are loaded, as typed values that the schema and the datamodule share. No torch here: it loads slowly."""
+
+from enum import Enum
+
+
+class DataKind(Enum):
+    """What lies under data.root: our shards, or the text files of the track or its successor."""
+
+    shards = "shards"
+    official = "official"
+
+
+class SamplingKind(Enum):
+    """How points are chosen: not at all, farthest point sampling (M1's step 1), or uniformly at random."""
+
+    none = "none"
+    farthest = "farthest"
+    random = "random"
