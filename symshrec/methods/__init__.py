@@ -1,0 +1,1 @@
+"""The methods of section 3, and ours."""

@@ -1,0 +1,69 @@
+"""What every method is: a LightningModule that turns clouds into planes, with the only test step there is."""
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+
+from lightning import LightningModule
+from torch import Tensor
+
+from symshrec.batch import Batch
+from symshrec.metrics.torchmetric import SymmetryMetric
+from symshrec.planes import Planes
+
+
+class SymmetryMethod(LightningModule):
+    """A detector of mirror planes (section 3).
+
+    A method implements `detect`, and `detect_batch` where it gains from seeing many clouds at once. It knows nothing of
+    how clouds are made or stored.
+
+    Args:
+        count_threshold: planes of at least this confidence count as found in the count accuracy.
+    """
+
+    def __init__(self, count_threshold: float = 0.5):
+        super().__init__()
+        self.count_threshold = count_threshold
+        self.test_metric: SymmetryMetric | None = None
+        self.known: Mapping[int, Planes] = {}
+
+    @abstractmethod
+    def detect(self, points: Tensor) -> Planes:
+        """The mirror planes of one cloud.
+
+        Args:
+            points: (N, 3), any position and scale.
+
+        Returns:
+            Planes in the cloud's own coordinates, in any order; none is a valid answer.
+
+        Raises:
+            ValueError: for a wrong shape or values that are not finite.
+        """
+
+    def detect_batch(self, batch: Batch) -> list[Planes]:
+        """The planes of every cloud of a batch, in order."""
+        return [self.detect(points) for points in batch.clouds]
+
+    def measure_at(self, thetas_deg: Sequence[float], epsilons: Sequence[float]) -> None:
+        """Choose the tolerances of the coming test: angles in degrees, distances as a share of the diagonal (§2.3)."""
+        self.test_metric = SymmetryMetric(thetas_deg, epsilons, self.count_threshold)
+
+    def predict_step(self, batch: Batch, batch_idx: int) -> list[Planes]:
+        return self.detect_batch(batch)
+
+    def on_test_start(self) -> None:
+        if self.test_metric is None:
+            self.measure_at([1.0], [0.01])
+
+    def test_step(self, batch: Batch, batch_idx: int) -> list[Planes]:
+        """Detect and score; planes that are `known` by position from an earlier, unfinished run are taken as they are.
+
+        Returns:
+            The planes of every cloud, for callbacks to store and show.
+        """
+        missing = [row for row, position in enumerate(batch.positions) if position not in self.known]
+        found = dict(zip(missing, self.detect_batch(batch.select(missing)) if missing else (), strict=True))
+        planes = [found[row] if row in found else self.known[at] for row, at in enumerate(batch.positions)]
+        self.test_metric.update(planes, batch.truth, batch.diagonals, batch.labels, batch.positions)
+        return planes

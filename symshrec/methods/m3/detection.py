@@ -1,0 +1,123 @@
+"""§3.3 Diffusion-based symmetry detection [SGS14 for point clouds]: one cloud in, its mirror planes out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from symshrec.methods.m3.candidates import local_maxima, pair_planes
+from symshrec.methods.m3.selection import select_planes
+from symshrec.methods.m3.spectrum import diffusion, laplacian_spectrum
+from symshrec.planes import Planes
+
+COLLINEAR = 1e-9  # of the spread: a cloud thinner than this in two directions is a straight line
+FEWEST_POINTS = 4
+
+
+@dataclass(frozen=True)
+class M3Settings:
+    """What §3.3 fixes, and the diffusion time and the neighbours of the Laplacian, which it does not.
+
+    Args:
+        neighbours: K, within which a local maximum is the greatest: 200 in run R1, 250 in R2.
+        eigenpairs: of the Laplacian.
+        mollify: mollification factor of the triangulation, relative to its mean edge length.
+        laplacian_neighbours: neighbours in the local triangulations (robust_laplacian's own value).
+        time_factor: diffusion time in units of 1/λ₁; may be infinite.
+        chamfer_limit: Chamfer distance, at diagonal 1, from which on a candidate is no symmetry.
+        separation_deg: least angle between the normals of two planes, in degrees.
+
+    Raises:
+        ValueError: naming the setting that is out of its range.
+    """
+
+    neighbours: int = 200
+    eigenpairs: int = 10
+    mollify: float = 1e-3
+    laplacian_neighbours: int = 30
+    time_factor: float = 0.3
+    chamfer_limit: float = 100.0
+    separation_deg: float = 5.0
+
+    def __post_init__(self):
+        ranges = {
+            "neighbours": (1, np.inf),
+            "eigenpairs": (2, np.inf),
+            "mollify": (0, np.inf),
+            "laplacian_neighbours": (3, np.inf),
+            "time_factor": (np.finfo(float).tiny, np.inf),
+            "chamfer_limit": (np.finfo(float).tiny, np.inf),
+            "separation_deg": (0, 90),
+        }
+        for name, (low, high) in ranges.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected a number in [{low:g}, {high:g}]")
+
+
+def detect_planes(points: np.ndarray, settings: M3Settings | None = None) -> Planes:
+    """The mirror planes of one cloud, by descending confidence 1 − chamfer / chamfer_limit, in (0, 1].
+
+    The order of the points changes nothing. The planes turn with the cloud, but for what `spatial_order` says of the
+    Laplacian, and confidences change with the diagonal of the bounding box, which is not the same for a turned cloud.
+
+    Args:
+        points: (N, 3) in any unit. Coincident points count once; fewer than four distinct points or points on a
+            straight line have no planes to give, and a cloud of fewer points than `neighbours` seldom has.
+        settings: the published ones where omitted.
+
+    Returns:
+        Planes in the coordinates of the points, normals over `separation_deg` from each other.
+
+    Raises:
+        ValueError: for a wrong shape or values that are not finite.
+        RuntimeError: where the Laplacian has no spectrum.
+    """
+    settings = settings or M3Settings()
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points have shape {points.shape}, expected (N, 3)")
+    if not np.isfinite(points).all():
+        raise ValueError(f"point {int(np.argwhere(~np.isfinite(points))[0, 0])} is not finite")
+    if len(points) < FEWEST_POINTS:
+        return Planes.empty()
+    centre = (points.min(0) + points.max(0)) / 2
+    diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
+    if diagonal == 0:
+        return Planes.empty()
+    cloud = spatial_order((points - centre) / diagonal)
+    if len(cloud) < FEWEST_POINTS or _is_straight(cloud):
+        return Planes.empty()
+    return _detect(cloud, settings).transformed(scale=diagonal, translation=centre)
+
+
+def spatial_order(points: np.ndarray) -> np.ndarray:
+    """The distinct ones of (N, 3) points in an order that depends on their places alone, near ones near each other.
+
+    The robust Laplacian depends on the order of its points, by up to .1 % of an eigenvalue: enough for another sample
+    point to become the local maximum. In this order the same cloud always has the same planes, and queries are faster.
+    """
+    points = points[np.lexsort(points.T)]
+    repeated = (np.diff(points, axis=0) == 0).all(1)
+    points = points[np.concatenate([[True], ~repeated])]
+    return points[_tree(points).indices]
+
+
+def _tree(points: np.ndarray) -> cKDTree:
+    """Split at midpoints in place of medians: built and, on clouds like these, asked in a third less time."""
+    return cKDTree(points, leafsize=40, balanced_tree=False, compact_nodes=False)
+
+
+def _detect(cloud: np.ndarray, settings: M3Settings) -> Planes:
+    tree = _tree(cloud)
+    eigenvalues, eigenvectors = laplacian_spectrum(
+        cloud, settings.eigenpairs, settings.mollify, settings.laplacian_neighbours
+    )
+    values = diffusion(eigenvalues, eigenvectors, settings.time_factor)
+    normals, origins = pair_planes(cloud[local_maxima(tree, values, settings.neighbours)])
+    kept, distances = select_planes(tree, normals, origins, settings.chamfer_limit, settings.separation_deg)
+    return Planes(normals[kept], origins[kept], 1 - distances / settings.chamfer_limit)
+
+
+def _is_straight(cloud: np.ndarray) -> bool:
+    spread = np.linalg.svd(cloud - cloud.mean(0), compute_uv=False)
+    return bool(spread[1] <= COLLINEAR * spread[0])
