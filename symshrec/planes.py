@@ -32,8 +32,8 @@ class Planes:
         count = len(normals) if normals.ndim else 0
         confidences = np.ones(count) if self.confidences is None else self.confidences
         confidences = np.asarray(confidences, dtype=np.float64)
-        shapes = [("normals", normals, (count, 3)), ("points", points, (count, 3)), ("confidences", confidences, (count,))]
-        for name, array, expected in shapes:
+        arrays = {"normals": normals, "points": points, "confidences": confidences}
+        for (name, array), expected in zip(arrays.items(), ((count, 3), (count, 3), (count,)), strict=True):
             if array.shape != expected:
                 raise ValueError(f"{name} have shape {array.shape}, expected {expected}")
             finite = np.isfinite(array)

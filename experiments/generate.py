@@ -1,0 +1,19 @@
+"""§2.1 The benchmark as shards: `python experiments/generate.py data=smoke|quick|paper|x10 [pose=so3]`."""
+
+from omegaconf import DictConfig
+
+from symshrec.benchmark.generate import generate_dataset
+from symshrec.configs import benchmark_of, entry
+
+
+@entry
+def generate(config: DictConfig) -> None:
+    """Make what is missing under data.root and verify what is there."""
+    manifest = generate_dataset(benchmark_of(config), config.data.root, workers=config.workers)
+    clouds = ", ".join(f"{each.clouds} {split}" for split, each in manifest.splits.items())
+    size = sum(each.bytes for each in manifest.shards) / 1e9
+    print(f"{config.data.root}: {clouds} clouds, {size:.2f} GB, manifest {manifest.hash[:12]}")
+
+
+if __name__ == "__main__":
+    generate()
