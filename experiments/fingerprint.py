@@ -1,0 +1,36 @@
+"""Which silent choices fit M3's published profile: `python experiments/fingerprint.py --multirun
+'experiment=glob(fingerprint_*)' method.workers=2`; every job leaves results/fingerprint.md up to date."""
+
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from symshrec.benchmark.generate import generate_dataset
+from symshrec.configs import benchmark_of, conf_folder, entry, load
+from symshrec.evaluation import evaluate
+from symshrec.reporting.fingerprint import fingerprint_grid
+from symshrec.reporting.results import read_result
+from symshrec.reporting.typeset import markdown
+
+
+@entry
+def fingerprint(config: DictConfig) -> None:
+    """Generate the alternative's clouds, run the method on them, and rank all alternatives that have run."""
+    generate_dataset(benchmark_of(config), config.data.root, workers=config.workers)
+    evaluate(config)
+    finished = {}
+    for delta in sorted((conf_folder() / "experiment").glob("fingerprint_*.yaml")):
+        other = load([f"experiment={delta.stem}"])
+        path = Path(config.paths.runs) / f"{other.data.name}{other.data.variant}" / other.name / "metrics.json"
+        if path.exists():
+            comment = delta.read_text().splitlines()[1].removeprefix("# ")
+            finished[other.name] = (comment, read_result(path))
+    results = Path(config.paths.results)
+    results.mkdir(exist_ok=True)
+    text = markdown(fingerprint_grid(finished))
+    (results / "fingerprint.md").write_text(text + "\n")
+    print(text)
+
+
+if __name__ == "__main__":
+    fingerprint()

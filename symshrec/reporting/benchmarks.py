@@ -1,0 +1,118 @@
+"""Speeds and their ratios within one run: generator, scoring and methods beside the plain way of doing the same."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from symshrec.benchmark.config import BenchmarkConfig
+from symshrec.benchmark.generate import generate_cloud, generate_dataset
+from symshrec.benchmark.official import write_track
+from symshrec.benchmark.shards import ShardedSplit
+from symshrec.methods.m3.detection import M3Settings, detect_planes, spatial_order
+from symshrec.metrics import evaluate
+from symshrec.planes import PackedPlanes, Planes
+from symshrec.reference import m3 as plain_m3
+from symshrec.reference.metrics import evaluate_plainly
+from symshrec.reporting.typeset import Grid, Text
+
+PUBLISHED_M3_SECONDS = "20–60 s"  # §3.3.1
+
+
+@dataclass(frozen=True)
+class Timing:
+    """What was timed, ours and the other way's figure in the same unit, and how many times faster ours is."""
+
+    what: str
+    ours: str
+    other: str
+    ratio: float
+
+
+def seconds_of(work: Callable[[], object], repeats: int = 1) -> float:
+    """Median wall-clock seconds of `work`."""
+    taken = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        taken.append(time.perf_counter() - start)
+    return float(np.median(taken))
+
+
+def generator_timings(config: BenchmarkConfig, folder: Path, workers: int) -> Iterator[Timing]:
+    """Clouds/s of the generator beside writing the same bytes, the limit, and beside one text file a cloud."""
+    clouds = sum(split.clouds for split in config.splits.values())
+    made = seconds_of(lambda: generate_dataset(config, folder / "shards", workers, progress=False))
+    shards = sorted((folder / "shards").glob("*.safetensors"))
+    contents = [path.read_bytes() for path in shards]
+    written = seconds_of(lambda: [_write(folder / f"copy-{n}", data) for n, data in enumerate(contents)])
+    split = ShardedSplit(folder / "shards", next(iter(config.splits)))
+    few = [split[position] for position in range(min(42, len(split)))]
+    text = seconds_of(lambda: write_track(few, folder / "text")) / len(few)
+    text += seconds_of(lambda: [generate_cloud(config, split.split, cloud.id) for cloud in few]) / len(few)
+    ours = clouds / made
+    size = sum(map(len, contents)) / 1e6
+    yield Timing(f"generator, {workers} processes: shards against writing the same {size:.0f} MB",
+                 f"{ours:.0f} clouds/s", f"{clouds / written:.0f} clouds/s", written / made)  # fmt: skip
+    yield Timing("generator: shards against one text file a cloud, same processes",
+                 f"{ours:.0f} clouds/s", f"{workers / text:.0f} clouds/s", ours * text / workers)  # fmt: skip
+
+
+def _write(path: Path, data: bytes) -> None:
+    with open(path, "wb") as file:
+        file.write(data)
+        os.fsync(file.fileno())
+
+
+def scoring_timing(clouds: int = 9000, plain_clouds: int = 60) -> Timing:
+    """Seconds for 9,000 clouds at 100 tolerance pairs, one core, beside a loop over clouds, pairs and planes."""
+    rng = np.random.default_rng(0)
+    truth = [Planes(rng.normal(size=(k, 3)), np.zeros((k, 3))) for k in rng.integers(1, 14, clouds)]
+    predicted = [_jittered(planes, rng) for planes in truth]
+    diagonals = rng.uniform(2, 5, clouds)
+    thetas, epsilons = np.geomspace(0.05, 10, 10), np.geomspace(0.0005, 0.05, 10)
+    packed = PackedPlanes.pack(predicted), PackedPlanes.pack(truth)
+    with threadpool_limits(1):
+        ours = seconds_of(lambda: evaluate(*packed, diagonals, thetas, epsilons))
+        some = slice(0, plain_clouds)
+        plain = seconds_of(
+            lambda: [
+                evaluate_plainly(predicted[some], truth[some], diagonals[some], theta, epsilon)
+                for theta in thetas
+                for epsilon in epsilons
+            ]
+        )
+    plain *= clouds / plain_clouds
+    return Timing(f"scoring: {clouds} clouds × 100 tolerance pairs, one core, against a loop", f"{ours:.1f} s",
+                  f"{plain:.0f} s (from {plain_clouds} clouds)", plain / ours)  # fmt: skip
+
+
+def _jittered(planes: Planes, rng: np.random.Generator) -> Planes:
+    """Noisy copies of planes among as many false ones, with random confidences."""
+    count = len(planes)
+    normals = np.concatenate([planes.normals + 0.02 * rng.normal(size=(count, 3)), rng.normal(size=(count, 3))])
+    points = 0.02 * rng.normal(size=(2 * count, 3))
+    return Planes(normals, points, rng.uniform(size=2 * count))
+
+
+def m3_timing(config: BenchmarkConfig, clouds: int = 18) -> Timing:
+    """Median seconds a cloud of M3 (R1) on one core beside its straightforward implementation on the same clouds."""
+    split = next(iter(config.splits))
+    points = [generate_cloud(config, split, index).points.astype(np.float64) for index in range(clouds)]
+    settings = M3Settings()
+    with threadpool_limits(1):
+        detect_planes(points[0], settings)
+        ours = np.median([seconds_of(lambda p=each: detect_planes(p, settings)) for each in points])
+        plain = np.median([seconds_of(lambda p=each: plain_m3.detect_planes(spatial_order(p))) for each in points])
+    return Timing(f"M3 (R1), median a cloud, one core, against a plain one (published: {PUBLISHED_M3_SECONDS})",
+                  f"{ours:.3f} s", f"{plain:.3f} s", plain / ours)  # fmt: skip
+
+
+def timings_grid(timings: list[Timing]) -> Grid:
+    """The timings as a printable table."""
+    rows = [[Text(each.what), Text(each.ours), Text(each.other), Text(f"{each.ratio:.2f}×")] for each in timings]
+    return Grid("Speeds", ["what", "ours", "the other way", "ours is faster by"], rows)

@@ -1,0 +1,183 @@
+"""Figure 2's way of showing a cloud: its points with translucent mirror planes through them, seen in parallel."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb, to_rgba
+
+from symshrec.planes import Planes
+
+POINTS, TRUE, PREDICTED = "#1c2331", "#0072b2", "#d55e00"  # the planes' blue and vermilion: safe for the colour-blind
+CORNERS = np.array(list(product((0, 1), repeat=3)))
+EDGES = np.array([(i, j) for i in range(8) for j in range(i) if np.abs(CORNERS[i] - CORNERS[j]).sum() == 1])
+MARGIN = 0.06  # how far the planes stand out of the cloud's box, as a share of its longest side
+
+
+@dataclass(frozen=True)
+class View:
+    """A parallel projection, looking at the cloud from azimuth and elevation in degrees; z points up."""
+
+    azimuth: float = 28.0
+    elevation: float = 40.0
+
+    @property
+    def axes(self) -> np.ndarray:
+        """(3, 3): the directions right, up and towards the viewer as rows."""
+        a, e = np.radians([self.azimuth, self.elevation])
+        right = [-np.sin(a), np.cos(a), 0.0]
+        up = [-np.sin(e) * np.cos(a), -np.sin(e) * np.sin(a), np.cos(e)]
+        return np.array([right, up, np.cross(right, up)])
+
+
+def box(points: np.ndarray, margin: float = MARGIN) -> np.ndarray:
+    """Least and greatest corner, (2, 3), of the axis-aligned box of (N, 3) points, widened on every side."""
+    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    return np.stack([low, high]) + np.outer([-1, 1], np.full(3, margin * np.max(high - low)))
+
+
+def clip_plane(normal: np.ndarray, point: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """The part of a plane inside a box as a convex polygon.
+
+    Args:
+        normal: (3,), unit.
+        point: (3,), on the plane.
+        bounds: (2, 3), the box's least and greatest corner.
+
+    Returns:
+        (V, 3) corners in order around the polygon; V = 0 where the plane misses the box.
+    """
+    corners = bounds[0] + CORNERS * (bounds[1] - bounds[0])
+    heights = (corners - point) @ normal
+    starts, ends = heights[EDGES[:, 0]], heights[EDGES[:, 1]]
+    cut = (starts <= 0) != (ends <= 0)
+    if not cut.any():
+        return np.zeros((0, 3))
+    share = (starts[cut] / (starts[cut] - ends[cut]))[:, None]
+    vertices = corners[EDGES[cut, 0]] * (1 - share) + corners[EDGES[cut, 1]] * share
+    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
+    offsets = vertices - vertices.mean(axis=0)
+    angles = np.arctan2(offsets @ np.cross(normal, first), offsets @ first)
+    return vertices[np.argsort(angles)]
+
+
+def draw_cloud(
+    ax: Axes,
+    points: np.ndarray,
+    planes: Planes | None = None,
+    predicted: Planes | None = None,
+    *,
+    title: str = "",
+    view: View | None = None,
+    limit: int = 5000,
+    size: float = 2.2,
+) -> None:
+    """Draw a cloud with its true planes (blue) and predicted planes (vermilion) on ordinary 2D axes.
+
+    Nearer points are darker, and points behind a plane take on its colour, so that depth can be read.
+
+    Args:
+        points: (N, 3); at most `limit` of them, evenly spread over their order, are drawn.
+        size: of a point, in typographic points squared.
+
+    Raises:
+        ValueError: for an empty cloud or another shape.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        raise ValueError(f"a cloud to draw has shape (N, 3) with N ≥ 1, not {points.shape}")
+    bounds, directions = box(points), (view or View()).axes
+    shown = points[np.linspace(0, len(points) - 1, min(limit, len(points))).astype(int)]
+    shown = shown[np.argsort(shown @ directions[2])]
+    depth = shown @ directions[2]
+    colours = np.array(to_rgb(POINTS)) + np.outer(0.42 * (depth.max() - depth) / max(np.ptp(depth), 1e-9), np.ones(3))
+    outlines = []
+    outlines = []
+    for layer, colour, strength in ((planes, TRUE, 1.0), (predicted, PREDICTED, 0.5)):
+        if layer is None or not len(layer):
+            continue
+        alpha = (0.03 + 0.17 / len(layer)) * strength
+        behind = _planes_in_front(shown, layer, bounds, directions[2])
+        colours += (1 - (1 - 1.6 * alpha) ** behind)[:, None] * (np.array(to_rgb(colour)) - colours)
+        outlines += _draw_planes(ax, layer, bounds, directions, colour, alpha)
+    flat = shown @ directions[:2].T
+    ax.scatter(*flat.T, s=size, c=np.clip(colours, 0, 1), linewidths=0, zorder=2)
+    drawn = np.concatenate([flat, *outlines])
+    low, high = drawn.min(axis=0), drawn.max(axis=0)
+    half = max(0.51 * (high - low).max(), 1e-6)
+    (left, bottom), (right, top) = (low + high) / 2 - half, (low + high) / 2 + half
+    ax.set(xlim=(left, right), ylim=(bottom, top), aspect="equal")
+    ax.set_axis_off()
+    if title:
+        ax.set_title(title, fontsize=11)
+
+
+def _draw_planes(
+    ax: Axes, planes: Planes, bounds: np.ndarray, directions: np.ndarray, colour: str, alpha: float
+) -> list[np.ndarray]:
+    """Draw the planes' parts inside the box and give their projected outlines, each (V, 2)."""
+    polygons = [clip_plane(n, p, bounds) @ directions[:2].T for n, p in zip(planes.normals, planes.points, strict=True)]
+    polygons = [polygon for polygon in polygons if len(polygon)]
+    edge = to_rgba(colour, min(0.9, 0.35 + 0.5 / max(len(polygons), 1)))
+    ax.add_collection(
+        PolyCollection(polygons, facecolors=[to_rgba(colour, alpha)], edgecolors=[edge], linewidths=0.9, zorder=1)
+    )
+    return polygons
+
+
+def _planes_in_front(points: np.ndarray, planes: Planes, bounds: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """How many of the clipped planes lie between each of (N, 3) points and the viewer: (N,)."""
+    slope = planes.normals @ towards  # (K,)
+    heights = points @ planes.normals.T - planes.offsets  # (N, K)
+    distance = -heights / np.where(np.abs(slope) < 1e-9, np.inf, slope)
+    crossing = points[:, None] + distance[:, :, None] * towards  # (N, K, 3)
+    return ((distance > 0) & ((crossing >= bounds[0]) & (crossing <= bounds[1])).all(axis=2)).sum(axis=1)
+
+
+def cloud_mesh(points: np.ndarray, layers: Sequence[tuple[Planes, str]], limit: int = 1500) -> dict[str, np.ndarray]:
+    """A cloud and outlined planes as one coloured triangle mesh, for viewers that show only faces.
+
+    Points become small tetrahedra and each plane a thin frame, faced both ways, which hides nothing behind it.
+
+    Args:
+        points: (N, 3), of which at most `limit` are kept: four vertices each, and TensorBoard knows 65,536.
+        layers: sets of planes, each with its colour.
+
+    Returns:
+        vertices (V, 3) float32, colors (V, 3) uint8, faces (F, 3) int64.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    bounds = box(points)
+    kept = points[np.linspace(0, len(points) - 1, min(limit, len(points))).astype(int)]
+    tetrahedron = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 0.004 * np.ptp(bounds, axis=0).max()
+    pieces = [(kept[:, None] + tetrahedron, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]), POINTS)]
+    for planes, colour in layers:
+        for normal, point in zip(planes.normals, planes.points, strict=True):
+            outline = clip_plane(normal, point, bounds)
+            if len(outline):
+                inner = outline + 0.03 * (outline.mean(axis=0) - outline)
+                pieces.append((np.concatenate([outline, inner])[None], _frame_faces(len(outline)), colour))
+    vertices, colours, faces, start = [], [], [], 0
+    for copies, triangles, colour in pieces:  # copies (M, V, 3): the same piece at M places
+        count, size = copies.shape[:2]
+        vertices.append(copies.reshape(-1, 3))
+        colours.append(np.tile(np.round(np.array(to_rgb(colour)) * 255), (count * size, 1)))
+        faces.append((start + np.arange(count)[:, None, None] * size + triangles).reshape(-1, 3))
+        start += count * size
+    return {
+        "vertices": np.concatenate(vertices).astype(np.float32),
+        "colors": np.concatenate(colours).astype(np.uint8),
+        "faces": np.concatenate(faces),
+    }
+
+
+def _frame_faces(corners: int) -> np.ndarray:
+    """Triangles between an outer ring 0 … V − 1 and an inner ring V … 2V − 1, both ways round: (4V, 3)."""
+    here, after = np.arange(corners), (np.arange(corners) + 1) % corners
+    front = np.concatenate(
+        [np.stack([here, after, here + corners], 1), np.stack([after, after + corners, here + corners], 1)]
+    )
+    return np.concatenate([front, front[:, ::-1]])
