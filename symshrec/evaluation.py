@@ -17,7 +17,6 @@ from symshrec import geometry, planes
 from symshrec.batch import Batch
 from symshrec.benchmark.storage import write_atomically
 from symshrec.datamodule import SymmetryDataModule
-from symshrec.methods import base
 from symshrec.methods.base import SymmetryMethod
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
@@ -83,7 +82,7 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
     settings = OmegaConf.to_container(config.method, resolve=True)
     source = Path(inspect.getfile(type(method)))
     code = sorted(source.parent.glob("*.py")) if source.stem == "module" else [source]
-    code += [Path(module.__file__) for module in (base, geometry, planes)]
+    code += [Path(module.__file__) for module in (geometry, planes)]
     facts = {
         "method": {name: value for name, value in settings.items() if name not in NO_INFLUENCE},
         "code": [hashlib.sha256(path.read_bytes()).hexdigest() for path in code],
