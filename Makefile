@@ -5,7 +5,6 @@ WORKERS ?= $(shell $(PYTHON) -c "import os; print(os.cpu_count())")
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
-DATA := data/$(SCALE)/manifest.json
 
 .PHONY: setup test lint data tables figures bench clean
 .DEFAULT_GOAL := tables
@@ -14,6 +13,7 @@ setup: $(STAMP)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'symshrec needs Python 3.11 or newer; name one with make PYTHON=…')"
+	@echo "Setting up $(VENV): PyTorch and all that stands on it, a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
 	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
