@@ -1,4 +1,4 @@
-"""Figure 2's gallery of families, the six perturbations of §2.2, and the curves behind the tables, as PNG files."""
+"""Figure 2's gallery of families, §2.2's perturbations and ours, and the curves behind the tables, as PNG files."""
 
 import io
 import os
@@ -12,8 +12,16 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS, LabelledCloud
-from symshrec.benchmark.config import BenchmarkConfig, NoiseConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
+from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud
+from symshrec.benchmark.config import (
+    BenchmarkConfig,
+    HardConfig,
+    NoiseConfig,
+    PoseConfig,
+    PoseGroup,
+    SplitConfig,
+    SurfaceConfig,
+)
 from symshrec.benchmark.generate import generate_cloud
 from symshrec.reporting.drawing import View, draw_cloud
 from symshrec.reporting.results import EPSILON, THETA_DEG
@@ -28,12 +36,20 @@ WHAT = {
     "P3": "undersampled",
     "P4": "P1 then P3",
     "P5": "P2 then P3",
+    "P6": "partial",
+    "P7": "strong noise",
+    "P8": "outliers",
+    "P9": "few points",
 }
 
 
 def make_figures(folder: Path) -> list[Path]:
-    """Write gallery.png and perturbations.png, always the same, from clouds generated on the spot."""
-    figures = {"gallery.png": gallery(), "perturbations.png": perturbations()}
+    """Write gallery.png, perturbations.png and hard.png, always the same, from clouds generated on the spot."""
+    figures = {
+        "gallery.png": gallery(),
+        "perturbations.png": perturbations(PUBLISHED_PERTURBATIONS),
+        "hard.png": perturbations(HARD_PERTURBATIONS),
+    }
     return [save_figure(figure, Path(folder) / name) for name, figure in figures.items()]
 
 
@@ -73,23 +89,24 @@ def gallery(seed: int = 2023) -> Figure:
     return figure
 
 
-def perturbed_clouds(family: str = "astroid", seed: int = 2023) -> list[LabelledCloud]:
-    """One upright cylinder under P0 … P5: the same surface points, differently disturbed."""
+def perturbed_clouds(names: Sequence[str], family: str = "astroid", seed: int = 2023) -> list[LabelledCloud]:
+    """One upright cylinder under the named perturbations: the same surface points, differently disturbed."""
+    hard = HardConfig(cut_fraction=[0.3, 0.3], strong_n=[7], outlier_fraction=[0.2, 0.2], few_points=[512, 512])
     base = BenchmarkConfig(
         seed=seed,
         surface=SurfaceConfig(cylinder_probability=1.0, height=[1.5, 1.5]),
         pose=PoseConfig(group=PoseGroup.none),
-        noise=NoiseConfig(fraction=[0.6, 0.6], removed_fraction=[0.6, 0.6], uniform_n=[15], gaussian_n=[20]),
+        noise=NoiseConfig(fraction=[0.6] * 2, removed_fraction=[0.6] * 2, uniform_n=[15], gaussian_n=[20], hard=hard),
     )
-    splits = {name: SplitConfig(1, perturbations={name: 1}, families={family: 1}) for name in PERTURBATIONS}
+    splits = {name: SplitConfig(1, perturbations={name: 1}, families={family: 1}) for name in names}
     return [generate_cloud(replace(base, splits={"one": split}), "one", 0) for split in splits.values()]
 
 
-def perturbations(seed: int = 2023) -> Figure:
-    """One shape under the six perturbations, with its true planes."""
-    figure = Figure(figsize=(15, 3.0))
+def perturbations(names: Sequence[str], seed: int = 2023) -> Figure:
+    """One shape under the named perturbations, with its true planes."""
+    figure = Figure(figsize=(2.5 * len(names), 3.0))
     figure.subplots_adjust(0, 0, 1, 0.86, wspace=0.03)
-    for ax, cloud in zip(figure.subplots(1, len(PERTURBATIONS)), perturbed_clouds(seed=seed), strict=True):
+    for ax, cloud in zip(figure.subplots(1, len(names)), perturbed_clouds(names, seed=seed), strict=True):
         name = cloud.labels.perturbation
         title = f"{name}: {WHAT[name]}\n{len(cloud.points):,} points"
         draw_cloud(ax, cloud.points, cloud.planes, title=title, view=View(28, 58), limit=6400, size=1.5)
