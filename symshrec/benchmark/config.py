@@ -150,7 +150,7 @@ class PoseConfig:
 
 @dataclass
 class HardConfig:
-    """P6–P9, beyond the paper: ranges of the shares cut away and added as outliers and of the points left; noise's n."""
+    """P6–P9, beyond the paper: ranges of the share cut away, of outliers added, of points left; the noise's n."""
 
     cut_fraction: list[float] = field(default_factory=lambda: [0.1, 0.4])
     hole_probability: float = 0.5
