@@ -23,7 +23,9 @@ from symshrec.benchmark.config import (
     SurfaceConfig,
 )
 from symshrec.benchmark.generate import generate_cloud
+from symshrec.reporting.compared import Compared
 from symshrec.reporting.drawing import View, draw_cloud
+from symshrec.reporting.reliability import Reliability, reliability
 from symshrec.reporting.results import EPSILON, THETA_DEG
 from symshrec.reporting.sweep import sweep_curves, swept
 
@@ -53,13 +55,19 @@ def make_figures(folder: Path) -> list[Path]:
     return [save_figure(figure, Path(folder) / name) for name, figure in figures.items()]
 
 
-def make_result_figures(results: Sequence[dict], folder: Path) -> list[Path]:
-    """Write precision_recall.png, and sweep.png where a result holds several tolerances; results as for the tables."""
+def make_result_figures(results: Sequence[dict], folder: Path, compared: Sequence[Compared] = ()) -> list[Path]:
+    """Write precision_recall.png, sweep.png where a result holds a sweep, reliability.png where runs are compared.
+
+    Args:
+        results: as for the tables. compared: predictions beside the truth, of any runs.
+    """
     figures = {}
     if any("precision_recall" in result for result in results):
         figures["precision_recall.png"] = precision_recall_figure(results)
     if several := swept(results):
         figures["sweep.png"] = sweep_figure(several)
+    if compared:
+        figures["reliability.png"] = reliability_figure([reliability(run) for run in compared])
     return [save_figure(figure, Path(folder) / name) for name, figure in figures.items()]
 
 
@@ -153,6 +161,24 @@ def sweep_figure(results: Sequence[dict]) -> Figure:
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         _finish(ax)
     figure.suptitle("mAP (solid) and recall-aware mAP (dashed); dotted: the paper's tolerance", fontsize=11)
+    return figure
+
+
+def reliability_figure(runs: Sequence[Reliability]) -> Figure:
+    """Share of right planes over confidence for every run, and below it how many planes there are."""
+    figure = Figure(figsize=(5.4, 5.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    above.plot([0, 1], [0, 1], color="#999999", linewidth=0.8, linestyle=":")
+    for run, colour in zip(runs, _colours(len(runs)), strict=True):
+        filled = run.counts > 0
+        label = f"{run.name} (mean gap {run.error:.3f})"
+        above.plot(run.confidences[filled], run.correct[filled], "o-", color=colour, markersize=4, label=label)
+        below.stairs(run.counts, np.linspace(0, 1, len(run.counts) + 1), color=colour)
+    above.set(ylabel="share of right planes", xlim=(-0.01, 1.01), ylim=(-0.01, 1.02))
+    above.set_title(f"Right at θ = {THETA_DEG:g}°, ε = {100 * EPSILON:g}%; dotted: as confident as right", fontsize=11)
+    below.set(xlabel="confidence", ylabel="planes", yscale="symlog")
+    for ax in (above, below):
+        _finish(ax)
     return figure
 
 
