@@ -1,4 +1,6 @@
-"""§5 Tables 2–4 from finished runs, ours beside the published: `python experiments/tables.py data=quick|paper`."""
+"""§5 Every table from finished runs, ours beside the published: `python experiments/tables.py data=quick|paper`.
+
+P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any."""
 
 import shutil
 from pathlib import Path
@@ -6,32 +8,51 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from symshrec.configs import entry
+from symshrec.evaluation import datamodule_of
+from symshrec.predictions import WHOLE
+from symshrec.reporting.compared import compare_runs
 from symshrec.reporting.figures import make_result_figures
-from symshrec.reporting.results import read_result
+from symshrec.reporting.refinement import write_refinement
+from symshrec.reporting.results import provenance, read_result
 from symshrec.reporting.tables import write_tables
 
 
 @entry
 def tables(config: DictConfig) -> None:
-    """Read the runs that `tables` names, write results/<data>/, print what was written."""
+    """Read the runs that `tables` names, write results/<data>/, print what was written and what has not run."""
     data = f"{config.data.name}{config.data.variant}"
     runs, results = Path(config.paths.runs) / data, Path(config.paths.results) / data
-    missing = [name for name in config.tables if not (runs / name / "metrics.json").exists()]
-    if missing:
+    main = _finished(config, data)
+    if not main:
         raise ValueError(
-            f"no metrics.json in {', '.join(str(runs / name) for name in missing)}; "
+            f"no metrics.json in {', '.join(str(runs / name) for name in config.tables)}; "
             f"python experiments/evaluate.py --multirun sweep=tables data={config.data.name} makes them"
         )
-    for name in config.tables:
-        kept = results / name
-        kept.mkdir(parents=True, exist_ok=True)
-        for file in ("config.yaml", "metrics.json"):
-            shutil.copyfile(runs / name / file, kept / file)
-    finished = [read_result(runs / name / "metrics.json") for name in config.tables]
-    written, text = write_tables(finished, results)
-    written += make_result_figures(finished, results)
+    hard, so3 = (_finished(config, other) for other in (config.data.hard, f"{config.data.name}-so3"))
+    finished = list(main.values())
+    written, text = write_tables(finished, results, hard=list(hard.values()), so3=list(so3.values()))
+    print(text)
+    paths = {name: runs / name / "predictions" / WHOLE for name in main}
+    compared = compare_runs(paths, datamodule_of(config).split(config.data.test_split))
+    refined, text = write_refinement(compared, results, provenance(finished))
+    written += refined + make_result_figures(finished, results, list(compared.values()))
     print(text)
     print("\n".join(f"written: {path}" for path in written))
+    if missing := [name for name in config.tables if name not in main]:
+        print(f"not run, so left out: {', '.join(missing)}")
+
+
+def _finished(config: DictConfig, data: str) -> dict[str, dict]:
+    """The results of the runs on some data that have ended, by folder, kept in results/<data>/ too."""
+    finished = {}
+    for name in config.tables:
+        folder, kept = Path(config.paths.runs) / data / name, Path(config.paths.results) / data / name
+        if (folder / "metrics.json").exists():
+            kept.mkdir(parents=True, exist_ok=True)
+            for file in ("config.yaml", "metrics.json"):
+                shutil.copyfile(folder / file, kept / file)
+            finished[name] = read_result(folder / "metrics.json")
+    return finished
 
 
 if __name__ == "__main__":

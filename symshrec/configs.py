@@ -50,6 +50,7 @@ class DataConfig:
     subset: str | None = None
     verify: bool = True
     test_split: str = "test"
+    hard: str = "hard_quick"  # the data whose P6–P9 stand beside this one's tables
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
     benchmark: BenchmarkConfig = field(default_factory=BenchmarkConfig)
 
@@ -64,12 +65,13 @@ class RunConfig:
 
 @dataclass
 class MethodConfig:
-    """What every method's configuration has."""
+    """What every method's configuration has. refine: fit its planes to the points afterwards, whatever the method."""
 
     _target_: str = MISSING
     name: str = MISSING
     workers: int = 1
     count_threshold: float = 0.5
+    refine: bool = False
 
 
 @dataclass
@@ -138,7 +140,8 @@ class Config:
     tensorboard: TensorBoardConfig = field(default_factory=TensorBoardConfig)
     seed: int = 2023
     workers: int = 2
-    name: str = "${method.name}_${run.name}"
+    name: str = "${method.name}_${run.name}${when:${method.refine},_refine}"
+    title: str = "${run.title}${when:${method.refine},' + refine'}"
     folder: str = MISSING
     tables: list[str] = field(default_factory=list)
 
@@ -153,7 +156,8 @@ def conf_folder() -> Path:
 
 
 def register() -> None:
-    """Make the schema known to Hydra."""
+    """Make the schema known to Hydra, and `${when:condition,text}`: the text where the condition holds, or nothing."""
+    OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
     store = ConfigStore.instance()
     store.store(name="schema", node=Config)
     for name, node in METHODS.items():

@@ -1,7 +1,6 @@
 """One run: a method over a test split, its predictions kept as they come, its metrics written last."""
 
 import hashlib
-import inspect
 import json
 import logging
 import time
@@ -13,7 +12,6 @@ from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
-from symshrec import geometry, planes
 from symshrec.batch import Batch
 from symshrec.benchmark.storage import write_atomically
 from symshrec.datamodule import SymmetryDataModule
@@ -21,7 +19,7 @@ from symshrec.methods.base import SymmetryMethod
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
 from symshrec.predictions import PredictionFileError, PredictionStore
-from symshrec.provenance import code_version, hardware, peak_memory_mib
+from symshrec.provenance import code_version, hardware, peak_memory_mib, source_files
 from symshrec.reporting.tensorboard import TensorBoardResults
 
 log = logging.getLogger(__name__)
@@ -43,9 +41,10 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
 
 
 def method_of(config: DictConfig) -> SymmetryMethod:
-    """The method that `config.method` describes."""
-    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
+    """The method that `config.method` describes, told whether to refine its planes."""
+    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key not in ("name", "refine")])
     method = instantiate(arguments, _convert_="all")
+    method.refine = config.method.refine
     method.hparams.update(OmegaConf.to_container(config.method, resolve=True))
     return method
 
@@ -63,10 +62,10 @@ def evaluate(config: DictConfig) -> dict:
     seed_everything(config.seed, workers=True, verbose=False)
     data, method = datamodule_of(config), method_of(config)
     key = prediction_key(config, data, method)
-    request = hashlib.sha256(f"{key} {config.run.title} {config.tolerance}".encode()).hexdigest()
+    request = hashlib.sha256(f"{key} {config.title} {config.tolerance}".encode()).hexdigest()
     finished = _read(folder / "metrics.json")
     if finished and finished["request_sha256"] == request:
-        log.info("%s: up to date in %s", config.run.title, folder)
+        log.info("%s: up to date in %s", config.title, folder)
         return finished
     (folder / "metrics.json").unlink(missing_ok=True)
     store = _store(folder / "predictions", key)
@@ -78,14 +77,20 @@ def evaluate(config: DictConfig) -> dict:
 
 
 def prediction_key(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> str:
-    """sha256 over all that decides the predictions: the method's configuration and code, the clouds, the seed."""
+    """sha256 over all that decides the predictions: the method's configuration and code, the clouds, the seed.
+
+    Refinement counts only where it is on, so that without it a run's predictions outlive changes of its code. What all
+    methods share to run at all (`FRAME`) does not count.
+    """
     settings = OmegaConf.to_container(config.method, resolve=True)
-    source = Path(inspect.getfile(type(method)))
-    code = sorted(source.parent.glob("*.py")) if source.stem == "module" else [source]
-    code += [Path(module.__file__) for module in (geometry, planes)]
+    code = source_files(type(method).__module__)
+    if settings["refine"]:
+        code |= source_files("symshrec.methods.refine")
+    if not settings["refine"]:
+        del settings["refine"]
     facts = {
         "method": {name: value for name, value in settings.items() if name not in NO_INFLUENCE},
-        "code": [hashlib.sha256(path.read_bytes()).hexdigest() for path in code],
+        "code": [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(code)],
         "data": data.split(data.test_split).fingerprint,
         "positions": hashlib.sha256(data.positions(data.test_split).tobytes()).hexdigest(),
         "sampling": [config.data.sampling.kind.name, config.data.sampling.points],
@@ -141,13 +146,13 @@ def _trainer(config: DictConfig, folder: Path, *callbacks: Callback) -> Trainer:
 
 def _record(config, folder: Path, data, method, store: PredictionStore, keeper: StorePredictions, keys: dict) -> dict:
     split = data.split(data.test_split)
-    about = {"method": config.run.title, "data": split.fingerprint, "count_threshold": method.count_threshold}
+    about = {"method": config.title, "data": split.fingerprint, "count_threshold": method.count_threshold}
     store.consolidate(about)
     scores, labels, _ = method.test_metric.evaluation()
     resolved = OmegaConf.to_yaml(config, resolve=True)
     write_atomically(folder / "config.yaml", resolved.encode())
     result = {
-        "name": config.run.title,
+        "name": config.title,
         "method": config.method.name,
         "run": config.run.name,
         "scores": [row._asdict() for row in grouped(scores, labels)],

@@ -28,16 +28,41 @@ def test_every_file_composes_and_instantiates(file):
 
 
 def test_scales_have_the_published_sizes():
-    sizes = {"smoke": 84, "quick": 4830, "paper": 69_000, "x10": 690_000}
+    sizes = {"smoke": 84, "quick": 4830, "paper": 69_000, "x10": 690_000, "hard": 3600, "hard_quick": 84}
     for scale, clouds in sizes.items():
         splits = benchmark_of(load([f"data={scale}"])).splits
         assert sum(each.clouds for each in splits.values()) == clouds
 
 
+def test_hard_data_has_p6_to_p9_evenly_and_stands_beside_its_scale():
+    for name, each in (("hard", 900), ("hard_quick", 21)):
+        splits = benchmark_of(load([f"data={name}"])).splits
+        assert splits["test"].perturbations == dict.fromkeys(("P6", "P7", "P8", "P9"), each)
+    assert load(["data=paper"]).data.hard == "hard"
+    assert load(["data=quick"]).data.hard == "hard_quick"
+
+
+@pytest.mark.parametrize("overrides", [["run=k250", "method.refine=true"], ["experiment=m3_r2_refine"]])
+def test_a_refined_run_has_a_name_and_a_row_of_its_own(overrides):
+    plain, refined = load(["run=k250"]), load(overrides)
+    assert (plain.name, plain.title) == ("m3_k250", "M3 (R2)")
+    assert (refined.name, refined.title) == ("m3_k250_refine", "M3 (R2) + refine")
+    assert not method_of(plain).refine
+    assert method_of(refined).refine
+
+
+def test_the_rows_of_the_tables_are_runs_of_experiments_scored_at_both_tolerances():
+    rows = [load([f"experiment={name}"]) for name in ("m3_r1", "m3_r2", "m3_r1_refine", "m3_r2_refine")]
+    assert [row.name for row in rows] == list(rows[0].tables)
+    for row in rows:
+        assert (list(row.tolerance.thetas_deg), list(row.tolerance.epsilons)) == ([1.0, 0.1], [0.01, 0.001])
+    assert len(load(["experiment=m3_r1", "tolerance=sweep"]).tolerance.epsilons) == 10
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("data=quik", "Available options in 'data':\n\tfingerprint\n\tofficial\n\tpaper\n\tquick"),
+        ("data=quik", "Available options in 'data':\n\tfingerprint\n\thard\n\thard_quick\n\tofficial\n\tpaper"),
         ("run=k300", "Available options in 'run'"),
         ("method.neighbors=200", "unknown key 'method.neighbors'; valid here: .*neighbours"),
         ("data.benchmark.nois.shift=scalar", "unknown key 'data.benchmark.nois'; valid here: .*noise"),

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,10 +12,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from symshrec.evaluation import datamodule_of, evaluate
+from symshrec.evaluation import datamodule_of, evaluate, method_of, prediction_key
+from symshrec.methods import base
 from symshrec.metrics import evaluate as score
 from symshrec.planes import PackedPlanes
 from symshrec.predictions import load_predictions
+from symshrec.provenance import source_files
 
 ROOT = Path(__file__).parents[1]
 CHEAP = ["data.limit=12", "data.batch_size=4"]
@@ -58,6 +61,25 @@ def test_other_settings_do_not_reuse_old_predictions(smoke_config):
     assert other["seconds"]["detected_clouds"] == 12
 
 
+def test_refinement_is_another_run_and_no_part_of_the_others_key(smoke_config, tmp_path, monkeypatch):
+    config, refined = smoke_config(), smoke_config("method.refine=true")
+    data = datamodule_of(config)
+
+    def keys():
+        return [prediction_key(each, data, method_of(each)) for each in (config, refined)]
+
+    before = keys()
+    assert before[0] != before[1]
+    (tmp_path / "methods").mkdir()
+    for module in Path(base.__file__).parent.glob("*.py"):
+        shutil.copy(module, tmp_path / "methods")
+    monkeypatch.setattr(base, "__file__", str(tmp_path / "methods" / "base.py"))
+    assert keys() == before
+    (tmp_path / "methods" / "refine.py").write_text("another refinement")
+    assert keys()[0] == before[0]
+    assert keys()[1] != before[1]
+
+
 def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_path):
     whole = evaluate(smoke_config("data.batch_size=2"))
     runs = tmp_path / "killed"
@@ -79,3 +101,9 @@ def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_pa
     assert values(resumed) == values(whole)
     files = [folder / "predictions" / "predictions.safetensors" for folder in (runs, tmp_path / "run")]
     np.testing.assert_array_equal(*(load_predictions(path).planes.normals for path in files))
+
+
+def test_a_run_depends_on_the_code_that_decides_its_planes():
+    names = {path.name for path in source_files("symshrec.methods.m3.module")}
+    assert {"module.py", "detection.py", "spectrum.py", "planes.py"} <= names
+    assert not {"base.py", "batch.py", "tables.py", "evaluation.py"} & names

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS
+from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS
 from symshrec.benchmark.config import BenchmarkConfig
 
 
@@ -26,7 +26,7 @@ def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
     """Labels of a split's clouds in their order, from (seed, split) and the configured counts alone.
 
     Both counts hold exactly, and every family has its perturbations in the proportion of the whole split, to one or two
-    clouds: 42 clouds hold each of the 42 pairs once.
+    clouds: 42 clouds hold each of the 42 pairs once. P6–P9 occur only where a split's counts name them.
 
     Raises:
         ValueError: for a split the config lacks, or counts that do not add up, naming the field.
@@ -34,8 +34,9 @@ def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
     if split not in config.splits:
         raise ValueError(f"the config has no split {split!r}; it has {', '.join(config.splits) or 'none'}")
     sizes = config.splits[split]
-    families = _counts(f"splits.{split}.families", sizes.families, FAMILIES, sizes.clouds)
-    perturbations = _counts(f"splits.{split}.perturbations", sizes.perturbations, PERTURBATIONS, sizes.clouds)
+    families = _counts(f"splits.{split}.families", sizes.families, FAMILIES, sizes.clouds, len(FAMILIES))
+    name, even = f"splits.{split}.perturbations", len(PUBLISHED_PERTURBATIONS)
+    perturbations = _counts(name, sizes.perturbations, PERTURBATIONS, sizes.clouds, even)
     return _labels(config.seed, split, families, perturbations)
 
 
@@ -45,12 +46,12 @@ def generator(seed: int, split: str, *key: int) -> np.random.Generator:
     return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(split_number, *key))))
 
 
-def _counts(name: str, given: dict[str, int] | None, names: Sequence[str], clouds: int) -> tuple[int, ...]:
-    """Clouds per name: as given, or spread evenly with the remainder on the first ones."""
+def _counts(name: str, given: dict[str, int] | None, names: Sequence[str], clouds: int, even: int) -> tuple[int, ...]:
+    """Clouds per name: as given, or spread evenly over the first `even` names with the remainder on the first ones."""
     if clouds < 1:
         raise ValueError(f"{name.rpartition('.')[0]}.clouds is {clouds}; a split holds 1 cloud or more")
     if given is None:
-        return tuple(clouds // len(names) + (place < clouds % len(names)) for place in range(len(names)))
+        return tuple(clouds // even + (place < clouds % even) for place in range(even))
     unknown = [each for each in given if each not in names]
     if unknown:
         raise ValueError(f"{name} names {', '.join(unknown)}; there are {', '.join(names)}")

@@ -18,6 +18,8 @@ FAMILIES = (
 )  # Table 4's S1–S7, in its order and under the names of published.csv
 SOLIDS = ("cylinder", "cone")
 PERTURBATIONS = tuple(perturbations.PERTURBATIONS)
+PUBLISHED_PERTURBATIONS = perturbations.PUBLISHED  # P0–P5
+HARD_PERTURBATIONS = PERTURBATIONS[len(PUBLISHED_PERTURBATIONS) :]  # ours
 UNKNOWN = "unknown"  # a label that the track's own files do not give
 
 

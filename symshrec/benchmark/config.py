@@ -35,8 +35,17 @@ LIMITS = {
     "noise.removed_fraction": (0, 1),
     "noise.uniform_n": (POSITIVE, inf),
     "noise.gaussian_n": (POSITIVE, inf),
+    "noise.hard.cut_fraction": (0, 1),
+    "noise.hard.hole_probability": (0, 1),
+    "noise.hard.strong_n": (POSITIVE, inf),
+    "noise.hard.outlier_fraction": (0, inf),
+    "noise.hard.few_points": (1, inf),
 }
-LISTS = ("noise.uniform_n", "noise.gaussian_n")  # values to choose from; every other list is a range
+LISTS = (
+    "noise.uniform_n",
+    "noise.gaussian_n",
+    "noise.hard.strong_n",
+)  # values to choose from; every other list is a range
 
 
 class CitrusForm(Enum):
@@ -140,6 +149,17 @@ class PoseConfig:
 
 
 @dataclass
+class HardConfig:
+    """P6–P9, beyond the paper: ranges of the share cut away, of outliers added, of points left; the noise's n."""
+
+    cut_fraction: list[float] = field(default_factory=lambda: [0.1, 0.4])
+    hole_probability: float = 0.5
+    strong_n: list[int] = field(default_factory=lambda: [4, 5, 6, 7, 8, 9, 10])
+    outlier_fraction: list[float] = field(default_factory=lambda: [0.05, 0.3])
+    few_points: list[int] = field(default_factory=lambda: [256, 1024])
+
+
+@dataclass
 class NoiseConfig:
     """§2.2: the perturbations. Fractions are ranges of the share of points moved or removed.
 
@@ -153,6 +173,7 @@ class NoiseConfig:
     gaussian_power: float = 1.0
     n_per: DrawnPer = DrawnPer.cloud
     shift: NoiseShift = NoiseShift.vector
+    hard: HardConfig = field(default_factory=HardConfig)
 
 
 @dataclass

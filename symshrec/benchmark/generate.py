@@ -14,7 +14,7 @@ import numpy as np
 from tqdm import tqdm
 
 from symshrec.benchmark.balance import generator, split_labels
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, LabelledCloud, Labels
+from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, LabelledCloud, Labels
 from symshrec.benchmark.config import BenchmarkConfig, UnitScaling, check_config, differences, plain
 from symshrec.benchmark.manifest import (
     GENERATOR_VERSION,
@@ -82,7 +82,7 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
     root = Path(root)
     with sole_writer(root):
         remove_temporaries(root)
-        request = {"generator_version": GENERATOR_VERSION, "config": plain(config)}
+        request = {"generator_version": GENERATOR_VERSION, "config": _influential(config)}
         manifest = read_manifest(root) if (root / MANIFEST).exists() else None
         tasks = _tasks(config)
         _refuse_other(root, request, manifest, tasks)
@@ -98,6 +98,15 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
         for path in (root / REQUEST, *(root / _sidecar(task.file) for task in tasks)):
             path.unlink(missing_ok=True)
     return manifest
+
+
+def _influential(config: BenchmarkConfig) -> dict:
+    """The plain config without the settings of P6–P9 where no split has them: they change nothing else."""
+    chosen = plain(config)
+    named = {name for each in config.splits.values() for name, count in (each.perturbations or {}).items() if count}
+    if named.issubset(PUBLISHED_PERTURBATIONS):
+        del chosen["noise"]["hard"]
+    return chosen
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,11 @@
-"""§2.2 The perturbations P0–P5. A new one is one function and one name in PERTURBATIONS.
+"""§2.2 The perturbations P0–P5, and P6–P9 beyond the paper. A new one is one function and one name in PERTURBATIONS.
 
 Each takes points (N, 3) float64 (its own to change), a generator and the config, and gives the perturbed points with
-the parameters drawn. Lengths are in the units of the scaled shape.
+the parameters drawn. Lengths are in the units of the scaled shape. The true planes stay those of the unperturbed shape.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,6 +51,50 @@ def in_turn(*perturbations: Callable[..., Perturbed]) -> Callable[..., Perturbed
     return combined
 
 
+def cut_away(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+    """P6: a share of the points is missing on one side, beyond a random plane or around a random point of the cloud.
+
+    The plane's direction is uniform on the sphere, and it lies where it cuts off just that share; the hole is the ball
+    about its point that holds just that share. The rest keep their order, and at least one stays.
+    """
+    share = rng.uniform(*config.hard.cut_fraction)
+    hole = rng.random() < config.hard.hole_probability
+    if hole:
+        depths = -np.linalg.norm(points - points[rng.integers(len(points))], axis=1)
+    else:
+        depths = points @ rng.standard_normal(3)
+    removed = min(round(share * len(points)), len(points) - 1)
+    keep = np.ones(len(points), dtype=bool)
+    keep[np.argsort(-depths, kind="stable")[:removed]] = False
+    return points[keep], {"removed_fraction": share, "hole": float(hole)}
+
+
+def strong_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+    """P7: P1 or P2, with equal chances, at a smaller n; the parameter gaussian is 1 for P2's noise and 0 for P1's."""
+    gaussian = rng.random() < 0.5
+    choices = config.hard.strong_n
+    published = replace(config, uniform_n=choices, gaussian_n=choices)
+    points, drawn = (gaussian_noise if gaussian else uniform_noise)(points, rng, published)
+    return points, drawn | {"gaussian": float(gaussian)}
+
+
+def outliers(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+    """P8: a share more points, uniform in the cloud's axis-aligned bounding box, at random places among the others.
+
+    All true points stay, in their order, and so does the bounding box.
+    """
+    share = rng.uniform(*config.hard.outlier_fraction)
+    added = rng.uniform(points.min(axis=0), points.max(axis=0), (round(share * len(points)), 3))
+    rows = rng.integers(len(points), size=len(added), endpoint=True)
+    return np.insert(points, rows, added, axis=0), {"outlier_fraction": share}
+
+
+def few_points(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+    """P9: a random few of the points are left, their number uniform between two ends; they keep their order."""
+    left = min(int(rng.integers(*config.hard.few_points, endpoint=True)), len(points))
+    return points[np.sort(_rows(len(points), left, rng))], {"points_left": float(left)}
+
+
 PERTURBATIONS: dict[str, Callable[..., Perturbed]] = {
     "P0": clean,
     "P1": uniform_noise,
@@ -57,7 +102,12 @@ PERTURBATIONS: dict[str, Callable[..., Perturbed]] = {
     "P3": undersampling,
     "P4": in_turn(uniform_noise, undersampling),
     "P5": in_turn(gaussian_noise, undersampling),
+    "P6": cut_away,
+    "P7": strong_noise,
+    "P8": outliers,
+    "P9": few_points,
 }
+PUBLISHED = tuple(PERTURBATIONS)[:6]  # the paper's, and what a split holds unless it names others
 
 
 def _rows(total: int, count: int, rng: np.random.Generator) -> np.ndarray:

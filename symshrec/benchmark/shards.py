@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import save
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS, LabelledCloud, Labels
+from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud, Labels
 from symshrec.benchmark.manifest import Manifest, damages, read_manifest
 from symshrec.benchmark.storage import ShardError
 from symshrec.planes import Planes
@@ -30,6 +30,7 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
     """
     names = sorted({name for cloud in clouds for name in cloud.labels.parameters})
     labels = [cloud.labels for cloud in clouds]
+    published = all(each.perturbation in PUBLISHED_PERTURBATIONS for each in labels)
     arrays = {
         "points": np.concatenate([cloud.points for cloud in clouds]),
         "point_starts": _starts(len(cloud.points) for cloud in clouds),
@@ -49,7 +50,7 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
         "parameters": names,
         "family": FAMILIES,
         "solid": SOLIDS,
-        "perturbation": PERTURBATIONS,
+        "perturbation": PUBLISHED_PERTURBATIONS if published else PERTURBATIONS,
     }
     return save(arrays, {METADATA: json.dumps(about, sort_keys=True)})
 

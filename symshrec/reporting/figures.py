@@ -1,4 +1,4 @@
-"""Figure 2's gallery of families, the six perturbations of §2.2, and the curves behind the tables, as PNG files."""
+"""Figure 2's gallery of families, §2.2's perturbations and ours, and the curves behind the tables, as PNG files."""
 
 import io
 import os
@@ -12,10 +12,20 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS, LabelledCloud
-from symshrec.benchmark.config import BenchmarkConfig, NoiseConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
+from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud
+from symshrec.benchmark.config import (
+    BenchmarkConfig,
+    HardConfig,
+    NoiseConfig,
+    PoseConfig,
+    PoseGroup,
+    SplitConfig,
+    SurfaceConfig,
+)
 from symshrec.benchmark.generate import generate_cloud
+from symshrec.reporting.compared import Compared
 from symshrec.reporting.drawing import View, draw_cloud
+from symshrec.reporting.reliability import Reliability, reliability
 from symshrec.reporting.results import EPSILON, THETA_DEG
 from symshrec.reporting.sweep import sweep_curves, swept
 
@@ -28,22 +38,36 @@ WHAT = {
     "P3": "undersampled",
     "P4": "P1 then P3",
     "P5": "P2 then P3",
+    "P6": "partial",
+    "P7": "strong noise",
+    "P8": "outliers",
+    "P9": "few points",
 }
 
 
 def make_figures(folder: Path) -> list[Path]:
-    """Write gallery.png and perturbations.png, always the same, from clouds generated on the spot."""
-    figures = {"gallery.png": gallery(), "perturbations.png": perturbations()}
+    """Write gallery.png, perturbations.png and hard.png, always the same, from clouds generated on the spot."""
+    figures = {
+        "gallery.png": gallery(),
+        "perturbations.png": perturbations(PUBLISHED_PERTURBATIONS),
+        "hard.png": perturbations(HARD_PERTURBATIONS),
+    }
     return [save_figure(figure, Path(folder) / name) for name, figure in figures.items()]
 
 
-def make_result_figures(results: Sequence[dict], folder: Path) -> list[Path]:
-    """Write precision_recall.png, and sweep.png where a result holds several tolerances; results as for the tables."""
+def make_result_figures(results: Sequence[dict], folder: Path, compared: Sequence[Compared] = ()) -> list[Path]:
+    """Write precision_recall.png, sweep.png where a result holds a sweep, reliability.png where runs are compared.
+
+    Args:
+        results: as for the tables. compared: predictions beside the truth, of any runs.
+    """
     figures = {}
     if any("precision_recall" in result for result in results):
         figures["precision_recall.png"] = precision_recall_figure(results)
     if several := swept(results):
         figures["sweep.png"] = sweep_figure(several)
+    if compared:
+        figures["reliability.png"] = reliability_figure([reliability(run) for run in compared])
     return [save_figure(figure, Path(folder) / name) for name, figure in figures.items()]
 
 
@@ -73,23 +97,24 @@ def gallery(seed: int = 2023) -> Figure:
     return figure
 
 
-def perturbed_clouds(family: str = "astroid", seed: int = 2023) -> list[LabelledCloud]:
-    """One upright cylinder under P0 … P5: the same surface points, differently disturbed."""
+def perturbed_clouds(names: Sequence[str], family: str = "astroid", seed: int = 2023) -> list[LabelledCloud]:
+    """One upright cylinder under the named perturbations: the same surface points, differently disturbed."""
+    hard = HardConfig(cut_fraction=[0.3, 0.3], strong_n=[7], outlier_fraction=[0.2, 0.2], few_points=[512, 512])
     base = BenchmarkConfig(
         seed=seed,
         surface=SurfaceConfig(cylinder_probability=1.0, height=[1.5, 1.5]),
         pose=PoseConfig(group=PoseGroup.none),
-        noise=NoiseConfig(fraction=[0.6, 0.6], removed_fraction=[0.6, 0.6], uniform_n=[15], gaussian_n=[20]),
+        noise=NoiseConfig(fraction=[0.6] * 2, removed_fraction=[0.6] * 2, uniform_n=[15], gaussian_n=[20], hard=hard),
     )
-    splits = {name: SplitConfig(1, perturbations={name: 1}, families={family: 1}) for name in PERTURBATIONS}
+    splits = {name: SplitConfig(1, perturbations={name: 1}, families={family: 1}) for name in names}
     return [generate_cloud(replace(base, splits={"one": split}), "one", 0) for split in splits.values()]
 
 
-def perturbations(seed: int = 2023) -> Figure:
-    """One shape under the six perturbations, with its true planes."""
-    figure = Figure(figsize=(15, 3.0))
+def perturbations(names: Sequence[str], seed: int = 2023) -> Figure:
+    """One shape under the named perturbations, with its true planes."""
+    figure = Figure(figsize=(2.5 * len(names), 3.0))
     figure.subplots_adjust(0, 0, 1, 0.86, wspace=0.03)
-    for ax, cloud in zip(figure.subplots(1, len(PERTURBATIONS)), perturbed_clouds(seed=seed), strict=True):
+    for ax, cloud in zip(figure.subplots(1, len(names)), perturbed_clouds(names, seed=seed), strict=True):
         name = cloud.labels.perturbation
         title = f"{name}: {WHAT[name]}\n{len(cloud.points):,} points"
         draw_cloud(ax, cloud.points, cloud.planes, title=title, view=View(28, 58), limit=6400, size=1.5)
@@ -136,6 +161,24 @@ def sweep_figure(results: Sequence[dict]) -> Figure:
         ax.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
         _finish(ax)
     figure.suptitle("mAP (solid) and recall-aware mAP (dashed); dotted: the paper's tolerance", fontsize=11)
+    return figure
+
+
+def reliability_figure(runs: Sequence[Reliability]) -> Figure:
+    """Share of right planes over confidence for every run, and below it how many planes there are."""
+    figure = Figure(figsize=(5.4, 5.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
+    above.plot([0, 1], [0, 1], color="#999999", linewidth=0.8, linestyle=":")
+    for run, colour in zip(runs, _colours(len(runs)), strict=True):
+        filled = run.counts > 0
+        label = f"{run.name} (mean gap {run.error:.3f})"
+        above.plot(run.confidences[filled], run.correct[filled], "o-", color=colour, markersize=4, label=label)
+        below.stairs(run.counts, np.linspace(0, 1, len(run.counts) + 1), color=colour)
+    above.set(ylabel="share of right planes", xlim=(-0.01, 1.01), ylim=(-0.01, 1.02))
+    above.set_title(f"Right at θ = {THETA_DEG:g}°, ε = {100 * EPSILON:g}%; dotted: as confident as right", fontsize=11)
+    below.set(xlabel="confidence", ylabel="planes", yscale="symlog")
+    for ax in (above, below):
+        _finish(ax)
     return figure
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from symshrec.metrics import METRICS
 
 THETA_DEG, EPSILON = 1.0, 0.01  # the tolerances of Tables 2–4
+TIGHT_THETA_DEG, TIGHT_EPSILON = 0.1, 0.001  # of our table ten times tighter
 PUBLISHED_METRICS, HIDDEN_METRICS = METRICS[:2], METRICS[2:]
 LABELS = {"recall_aware_mAP": "recall-aware mAP", "count_accuracy": "count accuracy"}  # else the metric's own name
 NEEDED = ("name", "scores", "data", "code")
@@ -38,6 +39,11 @@ def source(result: dict) -> str:
 def tolerances(result: dict) -> list[tuple[float, float]]:
     """The pairs (θ in degrees, ε as a share of the diagonal) that the result was scored at, ascending."""
     return sorted({(float(score["theta_deg"]), float(score["epsilon"])) for score in result["scores"]})
+
+
+def scored_at(result: dict, theta_deg: float, epsilon: float) -> bool:
+    """Whether the result was scored at this pair of tolerances."""
+    return any(_at(score, theta_deg, epsilon) for score in result["scores"])
 
 
 def find_score(

@@ -1,16 +1,26 @@
 """§5 The same predictions under many tolerances: mAP over θ at fixed ε, and over ε at fixed θ."""
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 
-from symshrec.reporting.results import EPSILON, LABELS, THETA_DEG, find_score, tolerances
+from symshrec.reporting.results import (
+    EPSILON,
+    LABELS,
+    THETA_DEG,
+    TIGHT_EPSILON,
+    TIGHT_THETA_DEG,
+    find_score,
+    tolerances,
+)
 from symshrec.reporting.typeset import Grid, Text
 
+TABLED = tuple(product((THETA_DEG, TIGHT_THETA_DEG), (EPSILON, TIGHT_EPSILON)))
 SWEPT_METRICS = ("mAP", "recall_aware_mAP")
 
 
 def swept(results: Sequence[dict]) -> list[dict]:
-    """The results that hold more than one pair of tolerances."""
-    return [result for result in results if len(tolerances(result)) > 1]
+    """The results that hold more pairs of tolerances than the tables show."""
+    return [result for result in results if len(tolerances(result)) > len(TABLED)]
 
 
 def sweep_curves(result: dict, metric: str) -> dict[str, tuple[list[float], list[float | None], float]]:

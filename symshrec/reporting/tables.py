@@ -1,27 +1,37 @@
-"""Tables 2–4: ours, published and difference side by side, and below each what its two metrics hide."""
+"""Tables 2–4: ours, published and difference side by side, and below each what its two metrics hide; and our own."""
 
-import csv
-import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS
-from symshrec.benchmark.storage import write_atomically
+from symshrec.benchmark.cloud import SOLIDS
+from symshrec.metrics import METRICS
+from symshrec.reporting.documents import Page, csv_text, write_pages
+from symshrec.reporting.layouts import (
+    HARD_DOCUMENT,
+    PAPER_DOCUMENTS,
+    SO3_DOCUMENT,
+    TIGHT_DOCUMENT,
+    Document,
+    Layout,
+)
 from symshrec.reporting.published import published_cells, published_methods
 from symshrec.reporting.results import (
     HIDDEN_METRICS,
     LABELS,
     PUBLISHED_METRICS,
+    TIGHT_EPSILON,
+    TIGHT_THETA_DEG,
     check_comparable,
     find_score,
     provenance,
+    scored_at,
 )
 from symshrec.reporting.sweep import sweep_grids, sweep_rows, swept
-from symshrec.reporting.typeset import Grid, Text, latex, markdown
+from symshrec.reporting.typeset import Grid, Text
 
 CSV_COLUMNS = ("table", "method", "metric", "group", "ours", "published", "difference")
-TOLERANCES = "θ = 1°, ε = 1% of the cloud's diagonal"
+SWEEP_COLUMNS = ("method", "metric", "theta_deg", "epsilon", "ours")
 HIDES = (
     "Bold: the best of ours. mAP and PHC forgive every missed plane. Recall-aware mAP divides by the number of "
     "true planes; count accuracy is the share of clouds with exactly the right number of planes."
@@ -29,32 +39,10 @@ HIDES = (
 
 
 @dataclass(frozen=True)
-class Layout:
-    """One of the paper's tables: its number, caption, columns (group → printed name) and printed decimals."""
-
-    number: int
-    caption: str
-    groups: dict[str, str]
-    decimals: int
-
-
-LAYOUTS = (
-    Layout(2, f"overall performance at {TOLERANCES}", {"all": "all"}, 4),
-    Layout(3, f"performance per perturbation at {TOLERANCES}", {name: name for name in PERTURBATIONS}, 3),
-    Layout(
-        4,
-        f"performance per family of shapes at {TOLERANCES}",
-        {name: f"S{i} {name.replace('_', ' ')}" for i, name in enumerate(FAMILIES, 1)},
-        4,
-    ),
-)
-
-
-@dataclass(frozen=True)
 class Cell:
     """One score in [0, 1]: ours (None without a run or without such a cloud) and published (None without a row)."""
 
-    table: int
+    table: int | str
     method: str
     metric: str
     group: str
@@ -67,9 +55,10 @@ class Cell:
         return None if self.ours is None or self.published is None else self.ours - self.published
 
 
-def methods(results: Sequence[dict]) -> list[str]:
-    """The rows: the published runs in the paper's order, then ours that the paper has not, in the order given."""
-    return list(dict.fromkeys([*published_methods(), *(result["name"] for result in results)]))
+def methods(layout: Layout, results: Sequence[dict]) -> list[str]:
+    """The rows: the published runs in the paper's order, where it has the table, then ours in the order given."""
+    published = published_methods() if layout.published else ()
+    return list(dict.fromkeys([*published, *(result["name"] for result in results)]))
 
 
 def cells(layout: Layout, metric: str, results: Sequence[dict]) -> dict[str, list[Cell]]:
@@ -79,22 +68,23 @@ def cells(layout: Layout, metric: str, results: Sequence[dict]) -> dict[str, lis
         ValueError: naming file, metric and group of a score that a result lacks.
     """
     by_name, published = {result["name"]: result for result in results}, published_cells()
+    tolerances = layout.theta_deg, layout.epsilon
     return {
         method: [
             Cell(
-                *(layout.number, method, metric, group),
-                ours=find_score(by_name[method], metric, group) if method in by_name else None,
-                published=published.get((layout.number, method, metric, group)),
+                *(layout.table, method, metric, group),
+                ours=find_score(by_name[method], metric, group, *tolerances) if method in by_name else None,
+                published=published.get((layout.table, method, metric, group)),
             )
             for group in layout.groups
         ]
-        for method in methods(results)
+        for method in methods(layout, results)
     }
 
 
 def table_rows(layout: Layout, results: Sequence[dict]) -> Iterator[tuple]:
     """The CSV rows of one table, CSV_COLUMNS each, the hidden metrics after the published ones; None for a blank."""
-    for metric in PUBLISHED_METRICS + HIDDEN_METRICS:
+    for metric in METRICS:
         for row in cells(layout, metric, results).values():
             for cell in row:
                 if cell.ours is not None or cell.published is not None:
@@ -103,23 +93,20 @@ def table_rows(layout: Layout, results: Sequence[dict]) -> Iterator[tuple]:
 
 
 def table_grids(layout: Layout, results: Sequence[dict]) -> list[Grid]:
-    """The printed grids of one table: the paper's own first, then what they hide."""
-    names = [result["name"] for result in results]
-    hidden = {metric: cells(layout, metric, results) for metric in HIDDEN_METRICS}
+    """The printed grids of one table: the paper's own first, then what they hide; of ours one grid a metric."""
+    if not layout.published:
+        return [_metric_grid(f"{_label(metric)} ↑ {layout.caption}", layout, metric, results) for metric in METRICS]
     if layout.groups.keys() == {"all"}:
-        return [_overall_grid(layout, results), _ours_grid("What these figures hide", hidden, names, layout.decimals)]
+        return [_overall_grid(layout, results), _hidden_grid(layout, results)]
     grids = [_stacked_grid(layout, metric, results) for metric in PUBLISHED_METRICS]
-    labels = list(layout.groups.values())
-    for metric, rows in hidden.items():
-        title = f"What these figures hide: {LABELS.get(metric, metric)} ↑"
-        columns = {label: {name: [row[i]] for name, row in rows.items()} for i, label in enumerate(labels)}
-        grids.append(_ours_grid(title, columns, names, layout.decimals, arrow=""))
-    return [*grids, _solid_grid(layout, results)] if layout.number == 4 else grids
+    for metric in HIDDEN_METRICS:
+        grids.append(_metric_grid(f"What these figures hide: {_label(metric)} ↑", layout, metric, results))
+    return [*grids, _solid_grid(layout, results)] if layout.table == 4 else grids
 
 
 def _overall_grid(layout: Layout, results: Sequence[dict]) -> Grid:
     by_metric = {metric: cells(layout, metric, results) for metric in PUBLISHED_METRICS}
-    rows = [[Text(method)] for method in methods(results)]
+    rows = [[Text(method)] for method in methods(layout, results)]
     for by_method in by_metric.values():
         best = _best([cell for (cell,) in by_method.values()])
         for row, (cell,) in zip(rows, by_method.values(), strict=True):
@@ -146,24 +133,36 @@ def _stacked_grid(layout: Layout, metric: str, results: Sequence[dict]) -> Grid:
     return Grid(f"{metric} ↑", ["method", "", *layout.groups.values()], rows, left=2)
 
 
-def _ours_grid(title: str, columns: dict, names: Sequence[str], decimals: int, arrow: str = " ↑") -> Grid:
-    """Our rows alone; columns: printed name → method → [cell]."""
-    best = [_best([column[name][0] for name in names]) for column in columns.values()]
-    rows = [
-        [Text(n), *(_text(c[n][0].ours, decimals, b) for c, b in zip(columns.values(), best, strict=True))]
-        for n in names
+def _hidden_grid(layout: Layout, results: Sequence[dict]) -> Grid:
+    """The hidden metrics of our rows, a column each, over the layout's only group."""
+    by_metric = [cells(layout, metric, results) for metric in HIDDEN_METRICS]
+    rows = {name: [by_method[name][0] for by_method in by_metric] for name in _names(results)}
+    return _ours_grid("What these figures hide", [f"{_label(metric)} ↑" for metric in HIDDEN_METRICS], rows, layout)
+
+
+def _metric_grid(title: str, layout: Layout, metric: str, results: Sequence[dict]) -> Grid:
+    """One metric of our rows over the layout's groups."""
+    by_method = cells(layout, metric, results)
+    return _ours_grid(title, layout.groups.values(), {name: by_method[name] for name in _names(results)}, layout)
+
+
+def _ours_grid(title: str, columns: Iterable[str], rows: dict[str, list[Cell]], layout: Layout) -> Grid:
+    """Our rows alone: method → its cells."""
+    best = [_best(column) for column in zip(*rows.values(), strict=True)]
+    body = [
+        [Text(name), *(_text(cell.ours, layout.decimals, b) for cell, b in zip(row, best, strict=True))]
+        for name, row in rows.items()
     ]
-    return Grid(title, ["method", *(f"{LABELS.get(name, name)}{arrow}" for name in columns)], rows)
+    return Grid(title, ["method", *columns], body)
 
 
 def _solid_grid(layout: Layout, results: Sequence[dict]) -> Grid:
-    metrics = PUBLISHED_METRICS + HIDDEN_METRICS
     rows = []
     for result in results:
         for place, solid in enumerate(SOLIDS):
-            values = [_text(find_score(result, metric, solid), layout.decimals) for metric in metrics]
+            values = [_text(find_score(result, metric, solid), layout.decimals) for metric in METRICS]
             rows.append([Text("" if place else result["name"]), Text(solid), *values])
-    return Grid("Cylinders and cones", ["method", "", *(f"{LABELS.get(m, m)} ↑" for m in metrics)], rows, left=2)
+    return Grid("Cylinders and cones", ["method", "", *(f"{_label(m)} ↑" for m in METRICS)], rows, left=2)
 
 
 def _best(column: Sequence[Cell]) -> float | None:
@@ -184,12 +183,26 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 6) + 0.0
 
 
-def write_tables(results: Sequence[dict], folder: Path) -> tuple[list[Path], str]:
-    """Write table2, table3, table4 (and sweep, where a result holds several tolerances) as .md, .csv and .tex.
+def _names(results: Sequence[dict]) -> list[str]:
+    return [result["name"] for result in results]
+
+
+def _label(metric: str) -> str:
+    return LABELS.get(metric, metric)
+
+
+def write_tables(
+    results: Sequence[dict], folder: Path, hard: Sequence[dict] = (), so3: Sequence[dict] = ()
+) -> tuple[list[Path], str]:
+    """Write table2, table3, table4 as .md, .csv and .tex, and those of ours that there are results for.
+
+    table_tight where results were scored ten times tighter too, sweep where at more tolerances than that, table_hard
+    and table_so3 from the results on other data.
 
     Args:
         results: metrics.json dictionaries (`results.read_result`), one per row, in row order, on the same data.
         folder: made where missing; each file is replaced in one step.
+        hard, so3: likewise, on data of P6–P9 and on data under full rotations.
 
     Returns:
         The files written, and the tables as text to print.
@@ -197,37 +210,18 @@ def write_tables(results: Sequence[dict], folder: Path) -> tuple[list[Path], str
     Raises:
         ValueError: for no results, two of one name, differing data, or a missing score (file, metric and group named).
     """
-    check_comparable(results)
-    documents = [
-        (
-            f"table{layout.number}",
-            f"SHREC 2023, Table {layout.number}: {layout.caption}",
-            HIDES,
-            table_grids(layout, results),
-        )
-        for layout in LAYOUTS
-    ]
-    csv_texts = {f"table{layout.number}": csv_text(CSV_COLUMNS, table_rows(layout, results)) for layout in LAYOUTS}
+    tight = [result for result in results if scored_at(result, TIGHT_THETA_DEG, TIGHT_EPSILON)]
+    beside = ((TIGHT_DOCUMENT, tight), (HARD_DOCUMENT, hard), (SO3_DOCUMENT, so3))
+    pages = [_page(document, results) for document in PAPER_DOCUMENTS]
+    pages += [_page(document, own) for document, own in beside if own]
     if several := swept(results):
-        documents.append(("sweep", "Tolerance sweep: how mAP depends on θ and ε", HIDES, sweep_grids(several)))
-        csv_texts["sweep"] = csv_text(("method", "metric", "theta_deg", "epsilon", "ours"), sweep_rows(several))
-    folder, footer = Path(folder), provenance(results)
-    folder.mkdir(parents=True, exist_ok=True)
-    paths, printed = [], []
-    for name, title, note, grids in documents:
-        text = "\n".join([f"## {title}\n", *map(markdown, grids), f"{note}\n", f"{footer}\n"])
-        typeset = "\n".join(latex(grid, f"{title}. {grid.heading}. {footer}") for grid in grids)
-        for suffix, content in ((".md", text), (".csv", csv_texts[name]), (".tex", typeset)):
-            paths.append(folder / f"{name}{suffix}")
-            write_atomically(paths[-1], content.encode())
-        printed.append(text)
-    return paths, "\n".join(printed)
+        title, text = "Tolerance sweep: how mAP depends on θ and ε", csv_text(SWEEP_COLUMNS, sweep_rows(several))
+        pages.append(Page("sweep", title, sweep_grids(several), HIDES, provenance(several), text))
+    return write_pages(pages, folder)
 
 
-def csv_text(columns: Sequence[str], rows: Iterator[tuple]) -> str:
-    """Rows under their column names as CSV; None becomes an empty field."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return stream.getvalue()
+def _page(document: Document, results: Sequence[dict]) -> Page:
+    check_comparable(results)
+    grids = [grid for layout in document.layouts for grid in table_grids(layout, results)]
+    rows = (row for layout in document.layouts for row in table_rows(layout, results))
+    return Page(document.name, document.title, grids, HIDES, provenance(results), csv_text(CSV_COLUMNS, rows))

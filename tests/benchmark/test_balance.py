@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from symshrec.benchmark.balance import split_labels
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS
-from symshrec.benchmark.config import BenchmarkConfig, NoiseConfig, SplitConfig, SurfaceConfig
+from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS
+from symshrec.benchmark.config import BenchmarkConfig, HardConfig, NoiseConfig, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_dataset
 
 TEST_FAMILIES = dict(zip(FAMILIES, (1319, 1302, 1203, 1344, 1289, 1275, 1268), strict=True))
@@ -17,7 +17,7 @@ TEST_FAMILIES = dict(zip(FAMILIES, (1319, 1302, 1203, 1344, 1289, 1275, 1268), s
 def test_paper_scale_has_the_published_counts():
     splits = {
         "train": SplitConfig(60_000),
-        "test": SplitConfig(9_000, dict.fromkeys(PERTURBATIONS, 1500), TEST_FAMILIES),
+        "test": SplitConfig(9_000, dict.fromkeys(PUBLISHED_PERTURBATIONS, 1500), TEST_FAMILIES),
     }
     config = BenchmarkConfig(splits=splits)
     train, test = split_labels(config, "train"), split_labels(config, "test")
@@ -38,7 +38,7 @@ def test_smoke_scale_has_every_pair_once():
 
 
 def test_uneven_counts_hold_exactly_and_spread():
-    perturbations, families = {"P0": 300, "P5": 100, "P3": 7}, {"citrus": 400, "astroid": 7}
+    perturbations, families = {"P0": 300, "P8": 100, "P3": 7}, {"citrus": 400, "astroid": 7}
     labels = split_labels(BenchmarkConfig(splits={"x": SplitConfig(407, perturbations, families)}), "x")
     assert Counter(np.array(PERTURBATIONS)[labels.perturbations].tolist()) == perturbations
     assert Counter(np.array(FAMILIES)[labels.families].tolist()) == families
@@ -49,13 +49,15 @@ def test_uneven_counts_hold_exactly_and_spread():
     ("change", "message"),
     [
         ({"splits": {"train": SplitConfig(5, {"P0": 4})}}, r"splits\.train\.perturbations.*add up.*5"),
-        ({"splits": {"train": SplitConfig(5, {"P9": 5})}}, r"P9; there are P0"),
+        ({"splits": {"train": SplitConfig(5, {"P10": 5})}}, r"P10; there are P0, .*, P9"),
         ({"splits": {"train": SplitConfig(5, None, {"astroid": 6, "citrus": -1})}}, r"splits\.train\.families"),
         ({"splits": {"train": SplitConfig(0)}}, r"splits\.train\.clouds is 0"),
         ({"splits": {}}, r"splits is empty"),
         ({"splits": {"../train": SplitConfig(5)}}, r"'\.\./train'"),
         ({"noise": NoiseConfig(fraction=[0.8, 0.3])}, r"noise\.fraction.*low ≤ high"),
         ({"noise": NoiseConfig(gaussian_n=[])}, r"noise\.gaussian_n"),
+        ({"noise": NoiseConfig(hard=HardConfig(strong_n=[0]))}, r"noise\.hard\.strong_n is \[0\]"),
+        ({"noise": NoiseConfig(hard=HardConfig(few_points=[0, 9]))}, r"noise\.hard\.few_points is \[0, 9\]"),
         ({"surface": SurfaceConfig(cylinder_probability=1.2)}, r"surface\.cylinder_probability is 1.2"),
         ({"surface": SurfaceConfig(height=[float("nan"), 4.0])}, r"surface\.height"),
         ({"clouds_per_shard": 0}, r"clouds_per_shard is 0"),

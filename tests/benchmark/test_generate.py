@@ -12,10 +12,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS
-from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
+from symshrec.benchmark.cloud import FAMILIES, PUBLISHED_PERTURBATIONS
+from symshrec.benchmark.config import BenchmarkConfig, HardConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.manifest import read_manifest
+from symshrec.benchmark.shards import ShardedSplit
 from symshrec.benchmark.storage import DiskFullError, ShardError, sole_writer
 
 
@@ -68,6 +69,26 @@ def test_another_pose_or_noise_leaves_the_shape_as_it_is():
         assert still == pytest.approx(1 - cloud.labels.parameters["noise_fraction"], abs=0.01)
 
 
+def test_perturbations_beyond_the_paper_come_only_where_named_and_change_no_other_data(tmp_path):
+    config = small_config()
+    manifest = generate_dataset(config, tmp_path / "paper", progress=False)
+    config.noise.hard = HardConfig(hole_probability=0.0)
+    generate_dataset(config, tmp_path / "other", progress=False)
+    assert contents(tmp_path / "paper") == contents(tmp_path / "other")
+    assert rb"\"P6" not in b"".join(contents(tmp_path / "paper").values())
+    names = {"P6": 14, "P7": 7, "P8": 7, "P9": 14}
+    config.splits["test"] = SplitConfig(42, names)
+    other = generate_dataset(config, tmp_path / "hard", progress=False)
+    assert other.splits["test"].perturbations == names
+    assert other.config["noise"]["hard"]["hole_probability"] == 0
+    train = [[each for each in made.shards if each.split == "train"] for made in (manifest, other)]
+    assert train[0] == train[1]
+    split = ShardedSplit(tmp_path / "hard", "test")
+    for index in (0, 41):
+        same_cloud(split[index], generate_cloud(config, "test", index))
+        assert split[index].labels.perturbation == split.perturbations[index]
+
+
 def test_worker_count_and_order_change_no_byte_and_shard_size_no_cloud(tmp_path):
     config = small_config()
     manifest = generate_dataset(config, tmp_path / "one", workers=1, progress=False)
@@ -79,7 +100,7 @@ def test_worker_count_and_order_change_no_byte_and_shard_size_no_cloud(tmp_path)
     other = generate_dataset(config, tmp_path / "large", workers=1, progress=False)
     assert other.splits == manifest.splits
     assert manifest.splits["train"].families == dict.fromkeys(FAMILIES, 12)
-    assert manifest.splits["test"].perturbations == dict.fromkeys(PERTURBATIONS, 7)
+    assert manifest.splits["test"].perturbations == dict.fromkeys(PUBLISHED_PERTURBATIONS, 7)
     planes = [
         len(generate_cloud(config, split, i).planes) for split, n in (("train", 84), ("test", 42)) for i in range(n)
     ]

@@ -1,12 +1,13 @@
-"""P0–P5: what moves, by how much, what goes, and that strength zero is the identity."""
+"""P0–P9: what moves, by how much, what goes, what comes, and that strength zero is the identity."""
 
 import numpy as np
 import pytest
 
-from symshrec.benchmark.config import DrawnPer, NoiseConfig, NoiseShift
+from symshrec.benchmark.config import DrawnPer, HardConfig, NoiseConfig, NoiseShift
 from symshrec.benchmark.perturbations import PERTURBATIONS
 
 POINTS = np.random.default_rng(5).normal(size=(5000, 3))
+NONE = [0.0, 0.0]
 
 
 def perturbed(name, config=None, seed=0):
@@ -15,7 +16,8 @@ def perturbed(name, config=None, seed=0):
 
 @pytest.mark.parametrize("name", PERTURBATIONS)
 def test_strength_zero_is_the_identity(name):
-    points, _ = perturbed(name, NoiseConfig(fraction=[0.0, 0.0], removed_fraction=[0.0, 0.0]))
+    hard = HardConfig(cut_fraction=NONE, outlier_fraction=NONE, few_points=[5000, 5000])
+    points, _ = perturbed(name, NoiseConfig(fraction=NONE, removed_fraction=NONE, hard=hard))
     np.testing.assert_array_equal(points, POINTS)
 
 
@@ -77,3 +79,71 @@ def test_silent_choices_of_the_noise_are_values():
     assert "noise_n" not in parameters
     small = (np.abs(points - POINTS) < 0.1).all(axis=1).mean()
     assert small == pytest.approx(0.5 + 0.5 * 0.1**3, abs=0.03)
+
+
+def rows_in_points(points):
+    """Places of `points` in POINTS, which has no point twice."""
+    return np.flatnonzero(np.isin(POINTS[:, 0], points[:, 0]))
+
+
+def test_p6_cuts_one_side_away_by_a_plane_or_a_ball():
+    holes = []
+    for seed in range(40):
+        points, parameters = PERTURBATIONS["P6"](POINTS[:800].copy(), np.random.default_rng(seed), NoiseConfig())
+        removed = np.delete(POINTS[:800], rows_in_points(points), axis=0)
+        assert 0.1 <= parameters["removed_fraction"] <= 0.4
+        assert len(removed) == round(parameters["removed_fraction"] * 800)
+        np.testing.assert_array_equal(POINTS[rows_in_points(points)], points)
+        holes.append(parameters["hole"])
+        if parameters["hole"]:  # one of the points removed is nearer to all others removed than to any point left
+            reach = np.linalg.norm(removed[:, None] - removed, axis=2).max(axis=1)
+            assert (np.linalg.norm(removed[:, None] - points, axis=2).min(axis=1) >= reach).any()
+        else:  # a plane across the line of the two means separates them, but for the sampling of that line
+            normal = removed.mean(axis=0) - points.mean(axis=0)
+            assert np.median(removed @ normal) > np.quantile(points @ normal, 0.95)
+    assert 8 < sum(holes) < 32
+    assert len(perturbed("P6", NoiseConfig(hard=HardConfig(cut_fraction=[1.0, 1.0])))[0]) == 1
+
+
+def test_p7_is_p1_or_p2_with_a_smaller_n():
+    seen = set()
+    for seed in range(60):
+        points, parameters = perturbed("P7", seed=seed)
+        moved = (points != POINTS).any(axis=1)
+        assert moved.sum() == round(parameters["noise_fraction"] * 5000)
+        shifts = (points - POINTS)[moved] * parameters["noise_n"]
+        np.testing.assert_allclose(shifts.std(axis=0), 1 if parameters["gaussian"] else 1 / np.sqrt(3), rtol=0.08)
+        assert (np.abs(shifts).max() > 1 + 1e-9) == parameters["gaussian"]
+        seen.add((parameters["gaussian"], parameters["noise_n"]))
+    assert {n for _, n in seen} == {4, 5, 6, 7, 8, 9, 10}
+    assert {gaussian for gaussian, _ in seen} == {0, 1}
+
+
+def test_p8_adds_points_in_the_bounding_box_among_the_true_ones():
+    shares = []
+    for seed in range(30):
+        points, parameters = perturbed("P8", seed=seed)
+        true = np.isin(points[:, 0], POINTS[:, 0])
+        np.testing.assert_array_equal(points[true], POINTS)
+        added = points[~true]
+        assert len(added) == round(parameters["outlier_fraction"] * 5000)
+        low, high = POINTS.min(axis=0), POINTS.max(axis=0)
+        np.testing.assert_array_equal([points.min(axis=0), points.max(axis=0)], [low, high])
+        np.testing.assert_allclose(((added - low) / (high - low)).mean(axis=0), 0.5, atol=0.1)
+        assert np.flatnonzero(~true).mean() == pytest.approx(len(points) / 2, rel=0.15)
+        shares.append(parameters["outlier_fraction"])
+    assert 0.05 <= min(shares) < 0.1
+    assert 0.25 < max(shares) <= 0.3
+
+
+def test_p9_leaves_a_few_points_in_order():
+    counts = []
+    for seed in range(30):
+        points, parameters = perturbed("P9", seed=seed)
+        np.testing.assert_array_equal(POINTS[rows_in_points(points)], points)
+        assert len(points) == parameters["points_left"]
+        counts.append(len(points))
+    assert 256 <= min(counts) < 350
+    assert 930 < max(counts) <= 1024
+    few = np.random.default_rng(0).normal(size=(100, 3))
+    np.testing.assert_array_equal(PERTURBATIONS["P9"](few, np.random.default_rng(1), NoiseConfig())[0], few)

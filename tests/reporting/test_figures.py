@@ -26,8 +26,8 @@ def a_result(name, tolerances):
 
 def test_gallery_and_perturbations_are_images_of_moderate_size(tmp_path):
     paths = make_figures(tmp_path / "figures")
-    assert [path.name for path in paths] == ["gallery.png", "perturbations.png"]
-    assert sorted(tmp_path.joinpath("figures").iterdir()) == paths
+    assert [path.name for path in paths] == ["gallery.png", "perturbations.png", "hard.png"]
+    assert sorted(tmp_path.joinpath("figures").iterdir()) == sorted(paths)
     for path in paths:
         pixels = np.asarray(Image.open(path).convert("L"))
         assert pixels.shape[1] > 1000
@@ -44,7 +44,7 @@ def test_gallery_shows_every_family_clean(solid, mid_planes):
 
 
 def test_perturbations_are_of_one_shape():
-    clouds = perturbed_clouds()
+    clouds = perturbed_clouds(PERTURBATIONS)
     assert [cloud.labels.perturbation for cloud in clouds] == list(PERTURBATIONS)
     for cloud in clouds[1:]:
         np.testing.assert_array_equal(cloud.planes.normals, clouds[0].planes.normals)
@@ -52,6 +52,9 @@ def test_perturbations_are_of_one_shape():
     assert {tuple(point) for point in clouds[3].points} < clean
     for noisy in clouds[1:3]:
         assert sum(tuple(point) in clean for point in noisy.points) == round(0.4 * len(clean))
+    for fewer in (clouds[6], clouds[9]):
+        assert {tuple(point) for point in fewer.points} < clean
+    assert {tuple(point) for point in clouds[8].points} > clean
 
 
 def test_result_figures_follow_what_was_measured(tmp_path):

@@ -5,17 +5,19 @@ from importlib.resources import files
 
 import pytest
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS
+from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS
 from symshrec.reporting.published import published_cells, published_methods
 from symshrec.reporting.results import HIDDEN_METRICS, PUBLISHED_METRICS, find_score, read_result
 from symshrec.reporting.sweep import sweep_curves
 from symshrec.reporting.tables import write_tables
 from symshrec.reporting.typeset import Grid, Text, latex, markdown
 
-GROUPS = ("all", *PERTURBATIONS, *FAMILIES, *SOLIDS)
+GROUPS = ("all", *PUBLISHED_PERTURBATIONS, *FAMILIES, *SOLIDS)
+HARD_GROUPS = ("all", *HARD_PERTURBATIONS, *FAMILIES, *SOLIDS)
+TABLED = [(theta, epsilon) for theta in (1.0, 0.1) for epsilon in (0.01, 0.001)]
 
 
-def a_result(name, tolerances=((1.0, 0.01),), value=None, commit="c0ffee" * 6, manifest="ab" * 32):
+def a_result(name, tolerances=((1.0, 0.01),), value=None, commit="c0ffee" * 6, manifest="ab" * 32, groups=GROUPS):
     """A metrics.json with random scores, or value(metric, group) where given."""
     rng = random.Random(name)
     scores = [
@@ -28,7 +30,7 @@ def a_result(name, tolerances=((1.0, 0.01),), value=None, commit="c0ffee" * 6, m
             "clouds": 10,
         }
         for metric in PUBLISHED_METRICS + HIDDEN_METRICS
-        for group in GROUPS
+        for group in groups
         for theta, epsilon in tolerances
     ]
     data = {"name": "quick", "split": "test", "clouds": 1630, "manifest_sha256": manifest}
@@ -107,7 +109,43 @@ def test_a_group_without_clouds_is_blank(tmp_path):
     result = a_result("M4", value=lambda m, g: None if g == "P5" else 0.5)
     write_tables([result], tmp_path)
     rows = [r for r in read_csv(tmp_path / "table3.csv") if r["method"] == "M4"]
-    assert {r["group"] for r in rows} == set(PERTURBATIONS) - {"P5"}
+    assert {r["group"] for r in rows} == set(PUBLISHED_PERTURBATIONS) - {"P5"}
+
+
+def test_the_tight_table_has_the_rows_that_were_scored_there(tmp_path):
+    tight, plain = a_result("M3 (R1) + refine", TABLED), a_result("M3 (R1)")
+    paths, _ = write_tables([plain, tight], tmp_path)
+    assert {path.stem for path in paths} == {"table2", "table3", "table4", "table_tight"}
+    rows = read_csv(tmp_path / "table_tight.csv")
+    assert list(rows[0]) == ["table", "method", "metric", "group", "ours", "published", "difference"]
+    assert {(row["table"], row["method"], row["published"]) for row in rows} == {("tight", "M3 (R1) + refine", "")}
+    assert len(rows) == 5 * (1 + 6 + 7)
+    for row in rows:
+        value = find_score(tight, row["metric"], row["group"], 0.1, 0.001)
+        assert float(row["ours"]) == pytest.approx(value, abs=1e-6)
+    printed = (tmp_path / "table_tight.md").read_text()
+    assert "θ = 0.1°, ε = 0.1%" in printed
+    assert "M1 (R4)" not in printed
+    assert "M3 (R1) + refine" in (tmp_path / "table2.md").read_text()
+
+
+def test_runs_on_other_data_have_tables_of_their_own(tmp_path):
+    main = [a_result("M3 (R1)"), a_result("M4")]
+    hard = [a_result("M4", manifest="ef" * 32, groups=HARD_GROUPS)]
+    so3 = [a_result("M4", TABLED, manifest="cd" * 32)]
+    paths, _ = write_tables(main, tmp_path, hard=hard, so3=so3)
+    assert {path.stem for path in paths} == {"table2", "table3", "table4", "table_hard", "table_so3"}
+    rows = read_csv(tmp_path / "table_hard.csv")
+    assert [row["group"] for row in rows[:5]] == ["all", "P6", "P7", "P8", "P9"]
+    assert {(row["table"], row["method"]) for row in rows} == {("hard", "M4")}
+    assert {row["metric"] for row in rows} == set(PUBLISHED_METRICS + HIDDEN_METRICS)
+    assert float(rows[1]["ours"]) == pytest.approx(find_score(hard[0], "mAP", "P6"), abs=1e-6)
+    assert "manifest efefefefefef" in (tmp_path / "table_hard.md").read_text()
+    assert float(read_csv(tmp_path / "table_so3.csv")[0]["ours"]) == pytest.approx(
+        find_score(so3[0], "mAP", "all"), abs=1e-6
+    )
+    with pytest.raises(ValueError, match="both named 'M4'"):
+        write_tables(main, tmp_path, hard=[*hard, a_result("M4", groups=HARD_GROUPS)])
 
 
 def test_results_that_do_not_belong_together_are_refused(tmp_path):
@@ -138,6 +176,7 @@ def test_sweep_is_tabulated_along_the_papers_tolerances(tmp_path):
     result = a_result("M4", tolerances=pairs)
     paths, text = write_tables([result, a_result("M3 (R1)")], tmp_path)
     assert tmp_path / "sweep.csv" in paths
+    assert "sweep" not in {path.stem for path in write_tables([a_result("M4", TABLED)], tmp_path)[0]}
     assert len(read_csv(tmp_path / "sweep.csv")) == 2 * len(pairs)
     assert "θ 10°" in text
     assert "ε 0.1%" in text

@@ -23,7 +23,10 @@ FAMILY_NAMES = {family: family for family in FAMILIES} | {"lemniscate_bernoulli"
 PERTURBATION_NAMES = dict(
     zip(
         PERTURBATIONS,
-        ("clean", "uniform", "gaussian", "undersampling", "undersampling+uniform", "undersampling+gaussian"),
+        (
+            *("clean", "uniform", "gaussian", "undersampling", "undersampling+uniform", "undersampling+gaussian"),
+            *("partial", "strongnoise", "outliers", "fewpoints"),  # ours, which the successor has not
+        ),
         strict=True,
     )
 )
