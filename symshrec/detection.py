@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
+from hydra.errors import InstantiationException
 from hydra.utils import instantiate
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -141,7 +142,10 @@ def _made(name: str, arguments: str) -> SymmetryMethod:
         config.method = OmegaConf.merge(config.method, chosen)
     except OmegaConfBaseException as error:
         raise ValueError(f"method {name}: {str(error).splitlines()[0]}") from error
-    return method_of(config)
+    try:
+        return method_of(config)
+    except InstantiationException as error:
+        raise ValueError(f"method {name}: {error.__cause__}") from error
 
 
 def method_of(config: DictConfig) -> SymmetryMethod:

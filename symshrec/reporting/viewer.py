@@ -21,7 +21,7 @@ def require_window() -> None:
         ValueError: where Polyscope is not installed, or there is no screen to open a window on.
     """
     if not find_spec("polyscope"):
-        raise ValueError("the viewer needs Polyscope: pip install 'symshrec[view]'; symshrec detect --plot does without")
+        raise ValueError("view needs Polyscope: pip install 'symshrec[view]'; symshrec detect --plot does without")
     if sys.platform == "linux" and not any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")):
         raise ValueError("there is no screen here to open a window on; symshrec detect --plot draws to a file")
 
