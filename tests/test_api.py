@@ -23,7 +23,7 @@ class BoxMethod(SymmetryMethod):
     def detect(self, points):
         self.seen = points
         middle = (points.amin(0) + points.amax(0)).double().numpy() / 2
-        return Planes(np.diag([1.0, -1.0, 1.0]), np.tile(middle, (3, 1)) + [0, 0.1, 0], [0.2, 0.9, 0.6])
+        return Planes(np.diag([1.0, -1.0, 1.0]), np.tile(middle + np.array([0, 0.1, 0]), (3, 1)), [0.2, 0.9, 0.6])
 
 
 def box_points(count=600):
