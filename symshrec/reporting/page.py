@@ -1,5 +1,7 @@
 """A cloud and its planes as a web page that turns under the mouse and needs no network."""
 
+from html import escape
+
 import numpy as np
 
 from symshrec.planes import Planes
@@ -7,6 +9,7 @@ from symshrec.reporting.drawing import POINTS, PREDICTED, box, clip_plane
 
 SHOWN = 20_000  # points of a larger cloud, evenly spread over its order
 OPACITY = 0.25
+WHOLE_WINDOW = "<style>body { margin: 0; overflow: hidden }</style>"
 
 
 def cloud_page(points: np.ndarray, planes: Planes, title: str = "") -> str:
@@ -42,7 +45,7 @@ def cloud_page(points: np.ndarray, planes: Planes, title: str = "") -> str:
             figure.add_traces(_plane_traces(go, outline, origin, f"plane {number}, confidence {confidence:.2f}"))
     hidden = {"visible": False}
     figure.update_layout(
-        title={"text": _plain(title)},
+        title={"text": escape(title)},
         template="plotly_white",
         margin={"l": 0, "r": 0, "b": 0, "t": 48},
         legend={"x": 0.01, "y": 0.99, "itemsizing": "constant"},
@@ -52,7 +55,8 @@ def cloud_page(points: np.ndarray, planes: Planes, title: str = "") -> str:
             "camera": {"projection": {"type": "orthographic"}, "eye": {"x": 1.2, "y": 0.6, "z": 1.0}},
         },
     )
-    return figure.to_html(include_plotlyjs=True, default_height="96vh", config={"displaylogo": False})
+    page = figure.to_html(include_plotlyjs=True, default_height="100vh", config={"displaylogo": False})
+    return page.replace("<head>", f"<head><title>{escape(title)}</title>{WHOLE_WINDOW}", 1)
 
 
 def _plane_traces(go, outline: np.ndarray, origin: np.ndarray, name: str) -> list:
@@ -85,8 +89,3 @@ def _plane_traces(go, outline: np.ndarray, origin: np.ndarray, name: str) -> lis
 def _coordinates(points: np.ndarray, origin: np.ndarray) -> dict[str, np.ndarray]:
     """x, y and z about an origin, in single precision: half the page, and what WebGL draws in anyway."""
     return dict(zip("xyz", (points - origin).astype(np.float32).T, strict=True))
-
-
-def _plain(text: str) -> str:
-    """Text that plotly takes for no markup."""
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
