@@ -71,6 +71,7 @@ def show(points: np.ndarray, planes: Planes | None, predicted: Planes | None, na
     import polyscope
 
     polyscope.set_program_name("symshrec view")
+    polyscope.set_use_prefs_file(False)  # which would be left in the working folder
     try:
         polyscope.init()
     except RuntimeError as error:

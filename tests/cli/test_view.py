@@ -85,6 +85,7 @@ def test_a_missing_viewer_or_screen_is_told_before_anything_is_read(monkeypatch,
 def test_the_window_gets_the_cloud_and_every_plane(shards, monkeypatch):
     polyscope = pytest.importorskip("polyscope")
     polyscope.set_allow_headless_backends(True)
+    polyscope.set_use_prefs_file(False)
     polyscope.init("openGL_mock")
     cloud = ShardedSplit(shards, "test")[0]
     viewer.register(cloud.points, cloud.planes, GUESS, "cloud")
