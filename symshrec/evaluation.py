@@ -7,7 +7,6 @@ import time
 import warnings
 from pathlib import Path
 
-from hydra.utils import instantiate
 from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
@@ -15,6 +14,7 @@ from omegaconf import DictConfig, OmegaConf
 from symshrec.batch import Batch
 from symshrec.benchmark.storage import write_atomically
 from symshrec.datamodule import SymmetryDataModule
+from symshrec.detection import method_of
 from symshrec.methods.base import SymmetryMethod
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
@@ -38,15 +38,6 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
         points=data.sampling.points,
         seed=config.seed,
     )
-
-
-def method_of(config: DictConfig) -> SymmetryMethod:
-    """The method that `config.method` describes, told whether to refine its planes."""
-    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key not in ("name", "refine")])
-    method = instantiate(arguments, _convert_="all")
-    method.refine = config.method.refine
-    method.hparams.update(OmegaConf.to_container(config.method, resolve=True))
-    return method
 
 
 def evaluate(config: DictConfig) -> dict:
@@ -86,7 +77,7 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
     code = source_files(type(method).__module__)
     if settings["refine"]:
         code |= source_files("symshrec.methods.refine")
-    if not settings["refine"]:
+    else:
         del settings["refine"]
     facts = {
         "method": {name: value for name, value in settings.items() if name not in NO_INFLUENCE},
