@@ -1,0 +1,60 @@
+"""A cloud as it came out of somebody's file, and the error for a file that gives none."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+WIDEST = 64  # columns a table of three points may have; a wider one lies on its side
+
+
+class CloudFileError(ValueError):
+    """A file from which no cloud can be read: which, where in it where that is known, why, and what to do."""
+
+
+@dataclass(frozen=True, eq=False)
+class FileCloud:
+    """points (N, 3) float64, finite, in the file's own units; notes: what was done or left out, for the user to know.
+
+    triangles: of the mesh on whose surface the points were drawn; 0 where the file holds the points themselves.
+    """
+
+    points: np.ndarray
+    notes: tuple[str, ...] = ()
+    triangles: int = 0
+
+
+def three_columns(rows: np.ndarray, path: Path) -> FileCloud:
+    """The cloud in the first three columns of an array.
+
+    Raises:
+        CloudFileError: for a shape other than (N ≥ 1, at least 3) and for coordinates that are not finite.
+    """
+    if rows.ndim != 2 or not rows.size:
+        raise CloudFileError(f"{path}: the array has shape {rows.shape}; a cloud is (N, 3), one row a point")
+    if rows.shape[1] < 3:
+        raise CloudFileError(
+            f"{path}: the array has shape {rows.shape}; points have three columns, x y z: add one of zeros to a planar "
+            "cloud"
+        )
+    if len(rows) == 3 and rows.shape[1] > WIDEST:
+        raise CloudFileError(f"{path}: the array has shape {rows.shape}; one row is one point: transpose it")
+    points = np.ascontiguousarray(rows[:, :3], dtype=np.float64)
+    refuse_not_finite(points, path)
+    more = rows.shape[1] - 3
+    return FileCloud(points, (f"{more} more column{'s' * (more > 1)} left out",) if more else ())
+
+
+def refuse_not_finite(points: np.ndarray, path: Path) -> None:
+    """Name the first point, counted from 1, that is not finite.
+
+    Raises:
+        CloudFileError: where there is one.
+    """
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        first, count = int(np.argmin(finite)), int((~finite).sum())
+        raise CloudFileError(
+            f"{path}: point {first + 1} is {' '.join(f'{value:g}' for value in points[first])} ({count} such of "
+            f"{len(points)}); remove the points that are not finite"
+        )
