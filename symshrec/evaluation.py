@@ -8,7 +8,6 @@ import time
 import warnings
 from pathlib import Path
 
-from hydra.utils import instantiate
 from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
@@ -17,6 +16,7 @@ from symshrec import geometry, planes
 from symshrec.batch import Batch
 from symshrec.benchmark.storage import write_atomically
 from symshrec.datamodule import SymmetryDataModule
+from symshrec.detection import method_of
 from symshrec.methods import base
 from symshrec.methods.base import SymmetryMethod
 from symshrec.metrics import Scores, grouped
@@ -41,14 +41,6 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
         points=data.sampling.points,
         seed=config.seed,
     )
-
-
-def method_of(config: DictConfig) -> SymmetryMethod:
-    """The method that `config.method` describes."""
-    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
-    method = instantiate(arguments, _convert_="all")
-    method.hparams.update(OmegaConf.to_container(config.method, resolve=True))
-    return method
 
 
 def evaluate(config: DictConfig) -> dict:
