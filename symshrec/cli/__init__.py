@@ -1,4 +1,4 @@
-"""The command line, for people with their own clouds or results: `symshrec score`, `symshrec export`."""
+"""The command line, for people with their own clouds or results: `symshrec detect`, `view`, `score`, `export`."""
 
 import argparse
 import sys
@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from importlib import import_module
 
 COMMANDS = {
+    "detect": "find the mirror planes of clouds and meshes",
+    "view": "look at a cloud and its planes, true and predicted, in a window",
     "score": "score a folder of results as the track's organisers did",
     "export": "write shards or predictions as the track's own text files",
 }  # one module each, imported when it is asked for, so that nobody waits for another command's imports
@@ -32,7 +34,7 @@ def _parser() -> argparse.ArgumentParser:
     width = max(map(len, COMMANDS))
     parser = argparse.ArgumentParser(
         prog="symshrec",
-        description="Reflection symmetries of 3D point clouds: the SHREC 2023 track's files and scores.",
+        description="Reflection symmetries of 3D point clouds: found, looked at and scored.",
         epilog="commands:\n" + "\n".join(f"  {name:{width}}  {purpose}" for name, purpose in COMMANDS.items()),
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

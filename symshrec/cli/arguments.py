@@ -3,11 +3,20 @@
 import argparse
 import math
 
+import yaml
+
 
 def count(text: str) -> int:
     """A whole number from 1 on."""
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+    return int(text)
+
+
+def whole(text: str) -> int:
+    """A whole number from 0 on."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
     return int(text)
 
 
@@ -19,6 +28,17 @@ def angle(text: str) -> float:
 def share(text: str) -> float:
     """A finite number from 0 on."""
     return _between(text, math.inf)
+
+
+def setting(text: str) -> tuple[str, object]:
+    """NAME=VALUE, the value as in YAML."""
+    name, found, value = text.partition("=")
+    if not found or not name.isidentifier():
+        raise argparse.ArgumentTypeError(f"{text!r} is not of the form NAME=VALUE")
+    try:
+        return name, yaml.safe_load(value)
+    except yaml.YAMLError:
+        raise argparse.ArgumentTypeError(f"{value!r} is no value for {name}") from None
 
 
 def _between(text: str, most: float) -> float:

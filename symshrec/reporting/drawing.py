@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.figure import Figure
 
 from symshrec.planes import Planes
 
@@ -95,7 +97,6 @@ def draw_cloud(
     depth = shown @ directions[2]
     colours = np.array(to_rgb(POINTS)) + np.outer(0.42 * (depth.max() - depth) / max(np.ptp(depth), 1e-9), np.ones(3))
     outlines = []
-    outlines = []
     for layer, colour, strength in ((planes, TRUE, 1.0), (predicted, PREDICTED, 0.5)):
         if layer is None or not len(layer):
             continue
@@ -113,6 +114,18 @@ def draw_cloud(
     ax.set_axis_off()
     if title:
         ax.set_title(title, fontsize=11)
+
+
+def cloud_picture(points: np.ndarray, predicted: Planes, *, side: float = 6.0, dpi: int = 150) -> bytes:
+    """A cloud with its predicted planes as a square png; errors as `draw_cloud`.
+
+    Args:
+        side: of the picture, in inches.
+    """
+    figure, content = Figure((side, side), layout="constrained"), BytesIO()
+    draw_cloud(figure.subplots(), points, predicted=predicted, limit=12_000, size=1.6)
+    figure.savefig(content, format="png", dpi=dpi, metadata={"Software": None})
+    return content.getvalue()
 
 
 def _draw_planes(

@@ -1,0 +1,149 @@
+"""`symshrec detect`: the mirror planes of anyone's clouds and meshes."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+from tqdm import tqdm
+
+from symshrec.benchmark.storage import write_atomically
+from symshrec.cli.arguments import count, setting, share
+from symshrec.clouds import EXTENSIONS, SAMPLES, read_cloud
+from symshrec.clouds.example import EXAMPLE, write_example
+from symshrec.detections import Detection, as_json, as_table
+from symshrec.methods import DEFAULT
+from symshrec.planes import Planes
+from symshrec.residuals import mirror_residuals
+
+STEM = "{stem}"
+PLOTS = (".png", ".html")
+Detector = Callable[..., Planes]
+
+
+def parser() -> argparse.ArgumentParser:
+    """The arguments of `symshrec detect`."""
+    parser = argparse.ArgumentParser(
+        prog="symshrec detect",
+        description="Find the mirror planes of clouds and meshes, in their own coordinates.",
+        epilog=f"Reads {', '.join(EXTENSIONS)}. With several files, OUT of --plot and --res holds {STEM}, the file's "
+        "name without its extension. A cloud without a mirror plane is an answer too: the exit status is 0.",
+    )
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="clouds, or meshes to draw points on")
+    parser.add_argument("--example", action="store_true", help=f"write {EXAMPLE}, a chair, here and detect on it too")
+    parser.add_argument("--method", default=DEFAULT, help=f"one of conf/method ({DEFAULT})")
+    parser.add_argument(
+        "--set", nargs="+", type=setting, action="extend", default=[], metavar="NAME=VALUE", help="of the method's own"
+    )
+    parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
+    parser.add_argument("--max-planes", type=count, metavar="N", help="the N most confident at most (all)")
+    parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
+    parser.add_argument("--seed", type=int, default=0, help="of those points (0)")
+    parser.add_argument(
+        "--json", metavar="OUT", help="write all that was found; - to standard output, in place of tables"
+    )
+    parser.add_argument("--plot", metavar="OUT", help="draw cloud and planes; .png, or .html to turn in a browser")
+    parser.add_argument("--res", metavar="OUT", help="write the planes as the track's results, OUT_res.txt")
+    return parser
+
+
+def run(options: argparse.Namespace) -> None:
+    """Detect on every file, one after the other, and print a table each; what fails is told and left out.
+
+    Raises:
+        ValueError: for arguments that do not go together, and after all else where a file failed.
+    """
+    files = [*options.files, *([Path(EXAMPLE)] if options.example else [])]
+    _check(options, files)
+    if options.example:
+        write_example(Path(EXAMPLE))
+    detect, threshold = _detector(options)
+    detections, failures = [], {}
+    for path in tqdm(files, unit=" files", disable=None if len(files) > 1 else True):
+        try:
+            detection = detect_file(path, detect, options.samples, options.seed)
+            _write(detection, options)
+        except (ValueError, OSError, RuntimeError) as error:
+            failures[str(path)] = _told(path, error)
+            if len(files) > 1:
+                tqdm.write(f"symshrec detect: {failures[str(path)]}", file=sys.stderr)
+            continue
+        detections.append(detection)
+        for note in detection.cloud.notes:
+            tqdm.write(f"{path}: {note}", file=sys.stderr)
+        if options.json != "-":
+            tqdm.write(as_table(detection, threshold), file=sys.stdout)
+    if options.json:
+        text = as_json(detections, options.method, dict(options.set), threshold, failures)
+        print(text, end="") if options.json == "-" else write_atomically(Path(options.json), text.encode())
+    if failures:
+        (first, *_), alone = failures.values(), len(files) == 1
+        raise ValueError(first if alone else f"{len(failures)} of {len(files)} files failed, as told above")
+
+
+def detect_file(path: Path, detect: Detector, samples: int = SAMPLES, seed: int = 0) -> Detection:
+    """Read one file, detect, and measure the residual of every plane; errors as `read_cloud` and `detect`."""
+    cloud = read_cloud(path, samples, seed)
+    planes = detect(cloud.points)
+    return Detection(path, cloud, planes, mirror_residuals(cloud.points, planes))
+
+
+def _detector(options: argparse.Namespace) -> tuple[Detector, float]:
+    """What finds the planes of points, and the least confidence of those that it gives."""
+    from symshrec.detection import detect, named_method  # torch: after the arguments are known to be right
+
+    method = named_method(options.method, **dict(options.set))
+    threshold = method.count_threshold if options.min_confidence is None else options.min_confidence
+    return partial(detect, method=method, min_confidence=threshold, max_planes=options.max_planes), threshold
+
+
+def _check(options: argparse.Namespace, files: list[Path]) -> None:
+    """Refuse what would fail only after minutes of work."""
+    if not files:
+        raise ValueError("no file to detect on; name one or several, or try --example")
+    for name in ("plot", "res", "json"):
+        out = getattr(options, name)
+        if out is None or out == "-":
+            continue
+        if name != "json" and len(files) > 1 and STEM not in out:
+            raise ValueError(f"--{name} {out} is one file for {len(files)}; put {STEM} into its name")
+        if not (folder := Path(out.replace(STEM, "")).parent).is_dir():
+            raise ValueError(f"--{name} {out}: there is no folder {folder}; make it first")
+    if len(files) > 1 and (options.plot or options.res):
+        stems = [path.stem for path in files]
+        twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+        if twice is not None:
+            raise ValueError(f"several files are called {twice}; detect on one at a time, or rename one")
+    if options.plot and Path(options.plot).suffix.lower() not in PLOTS:
+        raise ValueError(f"--plot {options.plot}: unknown extension; draw to {' or '.join(PLOTS)}")
+    if options.plot and Path(options.plot).suffix.lower() == ".html" and not find_spec("plotly"):
+        raise ValueError("--plot to html needs plotly: pip install 'symshrec[plot]', or draw to .png")
+    if options.res and not options.res.endswith(".txt"):
+        raise ValueError(f"--res {options.res}: the track's results are called OUT_res.txt")
+
+
+def _write(detection: Detection, options: argparse.Namespace) -> None:
+    stem = detection.path.stem
+    if options.res:
+        from symshrec.benchmark.official import write_results
+
+        write_results(Path(options.res.replace(STEM, stem)), detection.planes)
+    if options.plot:
+        out = Path(options.plot.replace(STEM, stem))
+        if out.suffix.lower() == ".html":
+            from symshrec.reporting.page import cloud_page
+
+            content = cloud_page(detection.cloud.points, detection.planes, title=detection.path.name).encode()
+        else:
+            from symshrec.reporting.drawing import cloud_picture
+
+            content = cloud_picture(detection.cloud.points, detection.planes)
+        write_atomically(out, content, sync=False)
+
+
+def _told(path: Path, error: Exception) -> str:
+    """The error in one line that names the file."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if str(path) in text else f"{path}: {text}"

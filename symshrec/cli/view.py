@@ -1,0 +1,108 @@
+"""`symshrec view`: a cloud with its true and predicted planes, in a window."""
+
+import argparse
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from symshrec.benchmark.official import OfficialFolder, read_planes, read_results
+from symshrec.benchmark.shards import ShardedSplit
+from symshrec.cli.arguments import whole
+from symshrec.cli.sources import holds_shards, open_results
+from symshrec.clouds import read_cloud
+from symshrec.planes import Planes
+
+SHARDS_SPLIT = "test"  # as `symshrec score`
+
+
+def parser() -> argparse.ArgumentParser:
+    """The arguments of `symshrec view`."""
+    parser = argparse.ArgumentParser(
+        prog="symshrec view",
+        description="Look at a cloud with its true planes (blue) and predicted planes (vermilion). Needs Polyscope: "
+        "pip install 'symshrec[view]'.",
+    )
+    parser.add_argument(
+        "source", type=Path, help="shards, a folder of the track's or its successor's, or a cloud's file"
+    )
+    parser.add_argument("id", nargs="?", type=whole, metavar="ID", help="which cloud of a folder (its first)")
+    parser.add_argument("--split", help=f"which split of a folder; of shards: {SHARDS_SPLIT}")
+    parser.add_argument(
+        "--predictions", type=Path, metavar="FILE", help="our predictions, a folder of results, or one *_res.txt"
+    )
+    return parser
+
+
+def run(options: argparse.Namespace) -> None:
+    """Open the window, and tell on stderr what is in it."""
+    from symshrec.reporting.viewer import require_window, show
+
+    require_window()
+    scene = open_scene(options.source, options.id, options.split, options.predictions)
+    parts = [f"{len(scene.points):,} points"]
+    for planes, what in ((scene.planes, "true"), (scene.predicted, "predicted")):
+        parts.append(f"{what} planes unknown" if planes is None else f"{len(planes)} {what} planes")
+    print(f"{scene.name}: {', '.join(parts)}", file=sys.stderr)
+    show(scene.points, scene.planes, scene.predicted, scene.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is looked at: points (N, 3), and its planes where they are known."""
+
+    name: str
+    points: np.ndarray
+    planes: Planes | None
+    predicted: Planes | None
+
+
+def open_scene(source: Path, cloud: int | None, split: str | None, predictions: Path | None) -> Scene:
+    """Read one cloud with its planes.
+
+    Args:
+        source: a folder of clouds, or one file; the true planes of `points7.txt` are those of `points7_sym.txt`.
+        cloud: its ID in the folder, None for the first.
+        predictions: a predictions file or a folder of results by ID, or the results of this one cloud.
+
+    Raises:
+        ValueError: for an ID or predictions that are not there, and as the readers do.
+    """
+    if not source.is_dir():
+        if cloud is not None or split is not None:
+            raise ValueError(f"{source} is one file; an ID or --split is for a folder of clouds")
+        return _file_scene(source, predictions)
+    if holds_shards(source):
+        clouds = ShardedSplit(source, split or SHARDS_SPLIT, verify=False)
+        ids = range(len(clouds))
+    else:
+        clouds = OfficialFolder(source, split=split)
+        ids = clouds.ids.tolist()
+    cloud = ids[0] if cloud is None else cloud
+    if cloud not in ids:
+        raise ValueError(f"there is no cloud {cloud} in {source}; its IDs are from {ids[0]} to {ids[-1]}")
+    labelled = clouds[ids.index(cloud)]
+    return Scene(labelled.name, labelled.points, labelled.planes, _predicted(predictions, cloud))
+
+
+def _file_scene(source: Path, predictions: Path | None) -> Scene:
+    truth = source.with_name(f"{source.stem}_sym.txt")
+    planes = read_planes(truth) if truth.exists() else None
+    found = read_cloud(source)
+    for note in found.notes:
+        print(f"{source}: {note}", file=sys.stderr)
+    if predictions is not None and predictions.suffix != ".txt":
+        raise ValueError(f"{predictions}: a single file's predictions are its *_res.txt; write it with detect --res")
+    return Scene(source.name, found.points, planes, None if predictions is None else read_results(predictions))
+
+
+def _predicted(predictions: Path | None, cloud: int) -> Planes | None:
+    if predictions is None:
+        return None
+    if predictions.suffix == ".txt":
+        return read_results(predictions)
+    planes = open_results(predictions).get(cloud)
+    if planes is None:
+        raise ValueError(f"{predictions} holds nothing for cloud {cloud}; choose a cloud that it was made of")
+    return planes

@@ -1,0 +1,167 @@
+"""`symshrec detect`: what it prints and writes, for one file and for many, and what it says of bad ones."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from symshrec import detection
+from symshrec.benchmark.official import read_results
+from symshrec.cli import detect, main
+from symshrec.clouds import read_cloud
+from symshrec.methods.base import SymmetryMethod
+from symshrec.planes import Planes
+
+PLANES = Planes(np.eye(3), np.zeros((3, 3)), [0.9, 0.3, 0.7])  # in the frame that a method sees
+
+
+class Known(SymmetryMethod):
+    """Finds the same planes in every cloud."""
+
+    def detect(self, points):
+        return PLANES
+
+
+@pytest.fixture(autouse=True)
+def known_method(monkeypatch):
+    monkeypatch.setattr(detection, "named_method", lambda name, **arguments: Known())
+
+
+@pytest.fixture
+def box(tmp_path, monkeypatch):
+    """A mesh with three mirror planes, about (1, 2, 3), in the working folder."""
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((1, 2, 3)).apply_translation((1, 2, 3)).export("box.ply")
+    return "box.ply"
+
+
+def run(*arguments):
+    return main(["detect", *map(str, arguments)])
+
+
+def test_the_table_has_the_planes_by_confidence_in_the_files_coordinates(box, capsys):
+    assert run(box, "--samples", 2000) == 0
+    told = capsys.readouterr()
+    title, header, *rows = told.out.splitlines()
+    assert title.startswith("box.ply: 2 mirror planes (2,000 points, diagonal 3.7")
+    assert header.split() == ["normal", "offset", "point", "confidence", "mean", "residual", "%", "of", "diagonal"]
+    assert len(rows) == 2
+    for row, (axis, confidence) in zip(rows, ((0, 0.9), (2, 0.7)), strict=True):
+        cells = [float(cell) for cell in row.split()]
+        assert cells[1:4] == np.eye(3)[axis].tolist()
+        np.testing.assert_allclose(cells[4:8], [axis + 1, 1, 2, 3], atol=0.02)
+        assert cells[8] == confidence
+        assert cells[10] < 0.3
+    assert "a mesh of 12 triangles, taken as 2,000 points" in told.err
+
+
+def test_json_holds_everything_and_agrees_with_the_other_outputs(box, capsys):
+    drawn = ("--samples", 500, "--seed", 3)
+    assert run(box, *drawn, "--json", "out.json", "--res", "box_res.txt", "--plot", "box.png") == 0
+    text = Path("out.json").read_text()
+    report = json.loads(text)
+    assert report["format"] == "symshrec detections 1"
+    assert (report["method"], report["arguments"], report["min_confidence"]) == ("m4", {}, 0.5)
+    (cloud,) = report["clouds"]
+    assert (cloud["file"], cloud["points"], cloud["triangles"]) == ("box.ply", 500, 12)
+    points = read_cloud("box.ply", 500, 3).points
+    assert cloud["diagonal"] == np.linalg.norm(np.ptp(points, axis=0))
+    results = read_results("box_res.txt")
+    planes = {name: np.array([row[name] for row in cloud["planes"]]) for name in cloud["planes"][0]}
+    np.testing.assert_allclose(planes["normal"], results.normals, atol=1e-11)
+    np.testing.assert_allclose(planes["point"], results.points, atol=1e-11)
+    np.testing.assert_allclose(planes["offset"], results.offsets, atol=1e-10)
+    np.testing.assert_array_equal(planes["confidence"], results.confidences)
+    np.testing.assert_allclose(planes["residual_percent"], 100 * planes["residual"] / cloud["diagonal"])
+    assert Path("box.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    capsys.readouterr()
+    assert run(box, *drawn, "--json", "-") == 0
+    assert capsys.readouterr().out == text
+
+
+def test_limits_and_no_plane_at_all(box, capsys):
+    assert run(box, "--max-planes", 1, "--min-confidence", 0) == 0
+    assert capsys.readouterr().out.count("\n") == 3
+    assert run(box, "--min-confidence", 0.95, "--json", "none.json", "--res", "none_res.txt", "--plot", "none.png") == 0
+    assert "box.ply: no mirror plane of confidence 0.95 or more (20,000 points" in capsys.readouterr().out
+    assert json.loads(Path("none.json").read_text())["clouds"][0]["planes"] == []
+    assert len(read_results("none_res.txt")) == 0
+
+
+def test_several_files_and_the_bad_ones_among_them(box, capsys):
+    np.save("b.npy", read_cloud(box).points)
+    Path("bad.txt").write_text("0 0 0\n0 0 nan\n")
+    Path("line.xyz").write_text("0 0 0\n1 1 1\n2 2 2\n")
+    assert run(box, "bad.txt", "gone.npy", "line.xyz", "b.npy", "--res", "{stem}_res.txt", "--json", "all.json") == 2
+    told = capsys.readouterr()
+    assert told.out.count("2 mirror planes") == 2
+    assert "symshrec detect: bad.txt:2: z is 'nan'" in told.err
+    assert "symshrec detect: line.xyz: all points (3) are on a straight line" in told.err
+    assert "gone.npy" in told.err
+    assert told.err.endswith("symshrec detect: 3 of 5 files failed, as told above\n")
+    report = json.loads(Path("all.json").read_text())
+    assert [each["file"] for each in report["clouds"]] == ["box.ply", "b.npy"]
+    assert [each["file"] for each in report["failures"]] == ["bad.txt", "gone.npy", "line.xyz"]
+    assert len(read_results("b_res.txt")) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ([], "no file to detect on"),
+        (["gone.ply"], "No such file"),
+        (["box.pdf"], "unknown extension '.pdf'"),
+        (["box.ply", "--plot", "box.gif"], "unknown extension; draw to .png or .html"),
+        (["box.ply", "--plot", "gone/box.png"], "there is no folder gone"),
+        (["box.ply", "--res", "box.res"], "called OUT_res.txt"),
+        (["box.ply", "b.ply", "--plot", "box.png"], "is one file for 2; put {stem} into its name"),
+        (["box.ply", "box.xyz", "--plot", "{stem}.png"], "several files are called box"),
+    ],
+)
+def test_a_user_error_is_one_line(arguments, problem, box, capsys):
+    assert run(*arguments) == 2
+    told = capsys.readouterr()
+    assert problem in told.err
+    assert told.err.count("\n") == 1
+    assert told.err.startswith("symshrec detect: ")
+    assert told.out == ""
+
+
+@pytest.mark.parametrize("word", ["neighbours", "3=4", "a={"])
+def test_a_setting_is_name_and_value(word, box, capsys):
+    with pytest.raises(SystemExit) as end:
+        run(box, "--set", word)
+    assert end.value.code == 2
+    assert ("is no value for a" if word == "a={" else "is not of the form NAME=VALUE") in capsys.readouterr().err
+
+
+def test_the_methods_own_arguments_reach_it(box, monkeypatch):
+    asked = []
+    monkeypatch.setattr(detection, "named_method", lambda name, **given: asked.append((name, given)) or Known())
+    assert run(box, "--method", "m3", "--set", "neighbours=250", "mollify=1.0e-4", "--set", "title=x") == 0
+    assert asked == [("m3", {"neighbours": 250, "mollify": 1e-4, "title": "x"})]
+
+
+def test_the_example_needs_no_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run("--example", "--samples", 300) == 0
+    assert "chair.ply: 2 mirror planes (300 points" in capsys.readouterr().out
+    assert run("chair.ply", "--samples", 300) == 0
+
+
+def test_the_page_is_whole_and_asks_for_nothing_from_outside(box):
+    pytest.importorskip("plotly")
+    assert run(box, "--samples", 300, "--plot", "box.html") == 0
+    page = Path("box.html").read_text(encoding="utf-8")
+    assert 1e6 < len(page) < 6e6
+    assert "<script src" not in page
+    assert "plane 1, confidence 0.90" in page
+    assert "plane 3" not in page
+
+
+def test_the_page_says_what_it_needs(box, monkeypatch, capsys):
+    monkeypatch.setattr(detect, "find_spec", lambda name: None)
+    assert run(box, "--plot", "box.html") == 2
+    assert "pip install 'symshrec[plot]'" in capsys.readouterr().err
