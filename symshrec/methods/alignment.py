@@ -3,66 +3,107 @@
 import torch
 from torch import Tensor
 
-from symshrec.methods.surface import Surface
+from symshrec.methods.coupling import Relations, relation_system
+from symshrec.methods.surface import Surface, falling
+
+LONGEST_STEP = 0.1  # radians, and the same share of the cloud's size
+STIFFNESS = 1e4  # of the relations between planes, relative to the best determined direction of the data
+SLIDING = 0.03  # mean squared cosine between plane and surface normals below which the surface is blind to the offset
 
 
-def tangents(normals: Tensor) -> Tensor:
-    """Two unit vectors (K, 2, 3) that are orthogonal to each other and to the unit normals (K, 3)."""
-    axis = torch.zeros_like(normals).scatter_(-1, normals.abs().argmin(-1, keepdim=True), 1.0)
-    first = torch.linalg.cross(normals, axis)
-    first = first / first.norm(dim=-1, keepdim=True)
-    return torch.stack([first, torch.linalg.cross(normals, first)], -2)
-
-
-def mirrored(vectors: Tensor, normals: Tensor, offsets: Tensor | float = 0.0) -> Tensor:
-    """(Q, 3) points mirrored across K planes n·x = offset: (K, Q, 3)."""
-    heights = normals @ vectors.T - (offsets[:, None] if isinstance(offsets, Tensor) else offsets)
+def mirrored(vectors: Tensor, normals: Tensor, offsets: Tensor | None = None) -> Tensor:
+    """(Q, 3) points mirrored across K planes n·x = offset, (K, 3) and (K,); directions without offsets: (K, Q, 3)."""
+    heights = normals @ vectors.T
+    if offsets is not None:
+        heights = heights - offsets[:, None]
     return vectors - 2 * heights[..., None] * normals[:, None]
 
 
-def step(points, normals_of, certainty, targets, target_normals, target_certainty, normals, offsets, scale, damping=1e-6):
-    """One Gauss–Newton step. points (Q, 3); targets (K, Q, 3); planes normals (K, 3), offsets (K,)."""
-    heights = points @ normals.T - offsets  # (Q, K)
-    heights = heights.T
-    images = points - 2 * heights[..., None] * normals[:, None]
-    image_normals = mirrored(normals_of, normals)
-    cosine = (image_normals * target_normals).sum(-1)
-    common = target_normals + torch.sign(cosine)[..., None] * image_normals
-    common = common / common.norm(dim=-1, keepdim=True).clamp_min(1e-12)
-    residual = ((images - targets) * common).sum(-1)
-    weights = certainty * target_certainty * cosine.square().square()
-    weights = weights * (1 + (residual / scale).square()).square().reciprocal()
-    along = (common * normals[:, None]).sum(-1)  # (K, Q)
-    basis = tangents(normals)  # (K, 2, 3)
-    sides = points @ basis.mT  # (K, Q, 2)
-    slopes = common @ basis.mT
-    jacobian = torch.cat([sides * along[..., None] + heights[..., None] * slopes, -along[..., None]], -1) * -2
-    weighted = (jacobian * weights[..., None]).mT
-    system = (weighted @ jacobian).double()
-    right = (weighted @ residual[..., None])[..., 0].double()
-    ridge = damping * weights.sum(1).double().clamp_min(1e-12)
-    system = system + ridge[:, None, None] * torch.eye(3, dtype=torch.float64, device=points.device)
-    move = -torch.linalg.solve(system, right[..., None])[..., 0].to(points.dtype)
-    return move, basis, weights, residual, system
+def tangents(normals: Tensor) -> Tensor:
+    """Two unit vectors (K, 2, 3) orthogonal to each other and to unit normals (K, 3)."""
+    axes = torch.zeros_like(normals).scatter_(-1, normals.abs().argmin(-1, keepdim=True), 1.0)
+    first = torch.nn.functional.normalize(torch.linalg.cross(normals, axes), dim=-1)
+    return torch.stack([first, torch.linalg.cross(normals, first)], -2)
 
 
-def moved(normals, offsets, move, basis, limit=0.1):
-    """Planes after a step, no further than `limit` (radians, and the same share of the scale)."""
-    move = move * (limit / move.norm(dim=-1, keepdim=True).clamp_min(limit))
-    turned = normals + (move[:, :2, None] * basis).sum(1)
-    return turned / turned.norm(dim=-1, keepdim=True), offsets + move[:, 2]
+class Pairs:
+    """Points of a surface and, for each of K planes, the points that their mirror images are compared with.
+
+    Args:
+        surface: of N points.
+        queries: (Q,), rows of the points that are mirrored.
+        matches: (K, Q), rows of the points compared with; matched (K, Q) in [0, 1] weighs them.
+    """
+
+    def __init__(self, surface: Surface, queries: Tensor, matches: Tensor, matched: Tensor | None = None):
+        self.points, self.normals = surface.anchors[queries], surface.normals[queries]
+        self.targets, self.target_normals = surface.anchors[matches], surface.normals[matches]
+        self.weights = surface.certainty[queries] * surface.certainty[matches]
+        if matched is not None:
+            self.weights = self.weights * matched
+
+    def system(self, normals: Tensor, offsets: Tensor, basis: Tensor, scale: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Normal equations of one step for planes (K, 3), (K,) along tangents (K, 2, 3) and the offset.
+
+        The residual of a pair is its distance along the sum of both normals, which is exact to third order where the
+        surface is curved (Rusinkiewicz 2019). Its weight falls with the residual and with the angle of the normals.
+
+        Returns:
+            (K, 3, 3) and (K, 3) float64, and the pairs' mean weight (K,).
+        """
+        heights = normals @ self.points.T - offsets[:, None]  # (K, Q)
+        gaps = self.points - 2 * heights[..., None] * normals[:, None] - self.targets
+        image_normals = mirrored(self.normals, normals)
+        cosines = (image_normals * self.target_normals).sum(-1)
+        common = self.target_normals + torch.sign(cosines)[..., None] * image_normals
+        common = torch.nn.functional.normalize(common, dim=-1)
+        residuals = (gaps * common).sum(-1)
+        weights = self.weights * cosines.square().square() * falling(residuals / scale)
+        along = (common @ normals[..., None])  # (K, Q, 1)
+        slopes = self.points @ basis.mT * along + heights[..., None] * (common @ basis.mT)
+        jacobian = torch.cat([slopes, -along], -1) * -2
+        weighted = (jacobian * weights[..., None]).mT
+        return (weighted @ jacobian).double(), (weighted @ residuals[..., None])[..., 0].double(), weights.sum(1)
 
 
-def align(surface: Surface, normals, offsets, queries: Tensor, scales, inner=2):
-    """Refine against nearest neighbours: one look-up per scale, `inner` steps each. queries: indices (Q,)."""
-    points, normals_of, certainty = surface.anchors[queries], surface.normals[queries], surface.weights[queries]
+def solved(matrices: Tensor, right: Tensor, damping: Tensor, relations=None, planes=None) -> Tensor:
+    """Steps (K, 3) float32: each plane's own, or of all together where relations tie `planes` (normals, offsets, basis).
+
+    Planes to whose offset the surface is blind keep it.
+    """
+    matrices = matrices + damping.double().clamp_min(1e-9)[:, None, None] * torch.eye(3, device=right.device)
+    if relations is None or not len(relations.mirror):
+        return -torch.linalg.solve(matrices, right).float()
+    tied, tied_right = relation_system(relations, *planes)
+    stiffness = STIFFNESS * matrices.diagonal(dim1=-2, dim2=-1).max()
+    whole = torch.block_diag(*matrices) + stiffness * tied
+    return -torch.linalg.solve(whole, right.flatten() + stiffness * tied_right).reshape(-1, 3).float()
+
+
+def moved(pairs: Pairs, normals: Tensor, offsets: Tensor, scale: float, damping: float, relations=None):
+    """The planes (K, 3), (K,) after one step on the pairs at a scale of residuals."""
+    basis = tangents(normals)
+    matrices, right, total = pairs.system(normals, offsets, basis, scale)
+    blind = matrices[:, 2, 2] < 4 * SLIDING * total
+    matrices[:, 2, 2] += torch.where(blind, 1e6 * total.double(), 0.0)
+    steps = solved(matrices, right, damping * total, relations, (normals, offsets, basis))
+    steps = steps * (LONGEST_STEP / steps.norm(dim=-1, keepdim=True).clamp_min(LONGEST_STEP))
+    turned = normals + (steps[:, :2, None] * basis).sum(1)
+    return torch.nn.functional.normalize(turned, dim=-1), offsets + steps[:, 2], blind
+
+
+def align(
+    surface: Surface, normals: Tensor, offsets: Tensor, queries: Tensor, scales: tuple[float, ...],
+    steps: int = 2, relations: Relations | None = None,
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Planes (K, 3), (K,) refined on the mirrored points `queries` (Q,): at each scale one search of nearest points.
+
+    Returns:
+        Normals, offsets, and whether the surface is blind to the offset (K,).
+    """
     for scale in scales:
-        images = mirrored(points, normals, offsets)
-        nearest = surface.neighbours.query(images, 1)[..., 0]
-        targets, target_normals, target_certainty = (
-            surface.anchors[nearest], surface.normals[nearest], surface.weights[nearest])
-        for _ in range(inner):
-            move, basis, weights, residual, system = step(
-                points, normals_of, certainty, targets, target_normals, target_certainty, normals, offsets, scale)
-            normals, offsets = moved(normals, offsets, move, basis)
-    return normals, offsets, system
+        _, matches = surface.neighbours.query(mirrored(surface.anchors[queries], normals, offsets), 1)
+        pairs = Pairs(surface, queries, matches[..., 0])
+        for _ in range(steps):
+            normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
+    return normals, offsets, blind

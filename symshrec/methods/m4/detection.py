@@ -6,7 +6,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from symshrec.methods.alignment import align, mirrored, moved, step
+from symshrec.methods.alignment import Pairs, align, mirrored, moved
+from symshrec.methods.coupling import closure, find_relations
+from symshrec.methods.ends import end_offset
+from symshrec.methods.misfit import misfit
 from symshrec.methods.m4.search import direction_scores, hemisphere, local_maxima
 from symshrec.methods.m4.volume import OUTSIDE, density_volume, look_up, nearest_volume
 from symshrec.methods.surface import local_surface
@@ -21,10 +24,21 @@ class M4Settings:
     candidates: int = 40
     coarse_points: int = 400
     neighbours: int = 16
+    coupled: bool = True
+    fine_points: int = 1200
+    middle_points: int = 600
+    final_points: int = 8192
+    pruned: float = 0.6
+    good: float = 0.22
+    surface_scales: tuple = (0.02, 0.01, 0.005, 0.0025, 0.0015, 0.0015)
+    coarse_scales: tuple = (0.05, 0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.02, 0.02, 0.02)
+    middle_scales: tuple = (0.015, 0.01)
+    fine_scales: tuple = (0.008, 0.006, 0.004)
+    final_scales: tuple = (0.003, 0.0015)
 
 
 def canonical_order(points: np.ndarray) -> np.ndarray:
-    """Indices that put (N, 3) float64 points in a random-looking order that depends on their coordinates alone."""
+    """Keys that put (N, 3) float64 points in a random-looking order that depends on their coordinates alone."""
     bits = (points + 0.0).view(np.uint64)
     mixed = np.zeros(len(points), np.uint64)
     for axis in range(3):
@@ -34,29 +48,32 @@ def canonical_order(points: np.ndarray) -> np.ndarray:
 
 
 def coarse(surface, volume, half, size, normals, offsets, queries, scales):
-    points, normals_of = surface.points[queries], surface.normals[queries]
-    ones = torch.ones(len(points))
     for scale in scales:
-        nearest = look_up(volume, mirrored(points, normals, offsets), half, size)
-        there = (nearest != OUTSIDE).float()
-        nearest = nearest.clamp_min(0)
-        move, basis, weights, residual, _ = step(points, normals_of, ones, surface.points[nearest],
-            surface.normals[nearest], there, normals, offsets, scale, 1e-3)
-        normals, offsets = moved(normals, offsets, move, basis)
-    return normals, offsets, weights.mean(1)
+        nearest = look_up(volume, mirrored(surface.points[queries], normals, offsets), half, size)
+        pairs = Pairs(surface, queries, nearest.clamp_min(0), (nearest != OUTSIDE).float())
+        normals, offsets, _ = moved(pairs, normals, offsets, scale, 1e-3)
+    return normals, offsets
 
 
 def distinct(normals, scores, separation):
+    """Rows by descending score, each over `separation` degrees from those before it."""
     order = torch.argsort(scores, descending=True, stable=True)
-    cosine = (normals[order] @ normals[order].T).abs() > np.cos(np.deg2rad(separation))
+    close = (normals[order] @ normals[order].T).abs() > np.cos(np.deg2rad(separation))
     kept = []
     for row in range(len(order)):
-        if not cosine[row, kept].any():
+        if not close[row, kept].any():
             kept.append(row)
     return order[kept]
 
 
-def detect(points: np.ndarray, settings=M4Settings(), clock=None):
+def with_ends(surface, normals, offsets, blind):
+    offsets = offsets.clone()
+    for row in torch.nonzero(blind)[:, 0].tolist():
+        offsets[row] = end_offset(surface.points @ normals[row], surface.certainty.sqrt()).float()
+    return offsets
+
+
+def detect(points: np.ndarray, settings=M4Settings(), clock=None, trace=None):
     import time
     marks = [time.perf_counter()]
     tick = lambda: marks.append(time.perf_counter())
@@ -66,8 +83,9 @@ def detect(points: np.ndarray, settings=M4Settings(), clock=None):
     order = np.argsort(canonical_order(points), kind="stable")[: settings.points]
     cloud = torch.from_numpy(((points[order] - centre) / scale).astype(np.float32))
     half = float(cloud.abs().max().clamp_max(1.0)) * 1.1
+    some = lambda count: torch.arange(min(len(cloud), count))
     tick()
-    surface = local_surface(cloud, settings.neighbours, (0.02, 0.01, 0.005, 0.0025, 0.0015))
+    surface = local_surface(cloud, settings.neighbours, settings.surface_scales)
     tick()
     size = 48
     volume = density_volume(cloud, half, size, 0.03)
@@ -75,22 +93,47 @@ def detect(points: np.ndarray, settings=M4Settings(), clock=None):
     weights = 1 - look_up(volume, queries, half, size)
     directions, around = hemisphere(settings.directions)
     scores = direction_scores(volume, queries, weights, directions, torch.zeros(1), half, size)[:, 0]
-    tick()
     peaks = local_maxima(scores, around, settings.candidates)
     normals, offsets = directions[peaks], torch.zeros(len(peaks))
+    tick()
     nearest = nearest_volume(cloud[:2048], half, 48, 2)
     tick()
-    normals, offsets, matched = coarse(surface, nearest, half, 48, normals, offsets,
-        torch.arange(min(len(cloud), settings.coarse_points)), (0.05, 0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.02, 0.02, 0.02))
-    kept = distinct(normals, matched, 4.0)
-    kept = kept[matched[kept] > 0.4 * matched.max()][:20]
-    normals, offsets, matched = normals[kept], offsets[kept], matched[kept]
+    normals, offsets = coarse(surface, nearest, half, 48, normals, offsets, some(settings.coarse_points), settings.coarse_scales)
+    scores = -misfit(surface, normals, offsets, some(settings.coarse_points))
+    kept = distinct(normals, scores, 4.0)
+    kept = kept[(-scores[kept] < settings.pruned) | (torch.arange(len(kept)) < 1)][:24]
+    normals, offsets = normals[kept], offsets[kept]
     tick()
-    normals, offsets, _ = align(surface, normals, offsets, torch.arange(min(len(cloud), 1200)), (0.015, 0.01, 0.006))
+    normals, offsets, blind = align(surface, normals, offsets, some(settings.middle_points), settings.middle_scales)
+    offsets = with_ends(surface, normals, offsets, blind)
+    scores = misfit(surface, normals, offsets, some(settings.fine_points))
     tick()
-    normals, offsets, _ = align(surface, normals, offsets, torch.arange(len(cloud)), (0.003, 0.0015))
+    relations = None
+    keep = distinct(normals, -scores, 4.0)
+    normals, offsets, scores = normals[keep], offsets[keep], scores[keep]
+    if trace is not None: trace.append((normals, offsets, scores))
+    good = scores < settings.good
+    if settings.coupled and good.sum() > 1:
+        normals, offsets = normals[good], offsets[good]
+        more, more_offsets = closure(normals, offsets, np.deg2rad(5), 16)
+        if len(more):
+            more, more_offsets, _ = align(surface, more, more_offsets, some(settings.middle_points), settings.middle_scales)
+            passed = misfit(surface, more, more_offsets, some(settings.fine_points)) < settings.good
+            normals, offsets = torch.cat([normals, more[passed]]), torch.cat([offsets, more_offsets[passed]])
+            kept = distinct(normals, -torch.arange(len(normals)).float(), 4.0)
+            normals, offsets = normals[kept], offsets[kept]
+        relations = find_relations(normals, offsets, np.deg2rad(3), 0.03)
+    else:
+        normals, offsets = normals[:1], offsets[:1]
+    tick()
+    normals, offsets, blind = align(surface, normals, offsets, some(settings.fine_points), settings.fine_scales, 2, relations)
+    tick()
+    normals, offsets, blind = align(surface, normals, offsets, some(settings.final_points), settings.final_scales, 2, relations)
+    offsets = with_ends(surface, normals, offsets, blind)
+    tick()
+    scores = misfit(surface, normals, offsets, some(settings.fine_points))
     tick()
     if clock is not None:
         clock.append(np.diff(marks))
     n, d = normals.double().numpy(), offsets.double().numpy()
-    return Planes(n, n * d[:, None], matched.numpy()).transformed(scale=scale, translation=centre)
+    return Planes(n, n * d[:, None], 1 / (1 + np.exp(20 * (scores.double().numpy() - .25)))).transformed(scale=scale, translation=centre)
