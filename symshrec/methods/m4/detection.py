@@ -23,18 +23,18 @@ class M4Settings:
     search_points: int = 300
     candidates: int = 40
     coarse_points: int = 400
-    neighbours: int = 16
+    neighbours: int = 12
     coupled: bool = True
     fine_points: int = 1200
     middle_points: int = 600
     final_points: int = 8192
     pruned: float = 0.6
     good: float = 0.22
-    surface_scales: tuple = (0.02, 0.01, 0.005, 0.0025, 0.0015, 0.0015)
+    surface_scales: tuple = (0.02, 0.02, 0.01, 0.005, 0.003)
     coarse_scales: tuple = (0.05, 0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.02, 0.02, 0.02)
     middle_scales: tuple = (0.015, 0.01)
-    fine_scales: tuple = (0.008, 0.006, 0.004)
-    final_scales: tuple = (0.003, 0.0015)
+    group_stages: tuple = ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))
+    final_scales: tuple = (0.0035, 0.002)
 
 
 def canonical_order(points: np.ndarray) -> np.ndarray:
@@ -73,6 +73,21 @@ def with_ends(surface, normals, offsets, blind):
     return offsets
 
 
+def regrouped(surface, normals, offsets, queries, scale, tolerance, settings):
+    """Completed by images, aligned together, repetitions and failures removed."""
+    more, more_offsets = closure(normals, offsets, np.deg2rad(5), 12)
+    if len(more):
+        more, more_offsets, _ = align(surface, more, more_offsets, queries[: settings.middle_points], settings.middle_scales)
+        normals, offsets = torch.cat([normals, more]), torch.cat([offsets, more_offsets])
+    scores = misfit(surface, normals, offsets, queries)
+    kept = distinct(normals, -scores, 5.0)
+    kept = kept[(scores[kept] < settings.good) | (torch.arange(len(kept)) < 1)]
+    normals, offsets = normals[kept], offsets[kept]
+    relations = find_relations(normals, offsets, np.deg2rad(tolerance), 0.04)
+    normals, offsets, _ = align(surface, normals, offsets, queries, (scale,), 3, relations)
+    return normals, offsets, scores[kept]
+
+
 def detect(points: np.ndarray, settings=M4Settings(), clock=None, trace=None):
     import time
     marks = [time.perf_counter()]
@@ -108,31 +123,23 @@ def detect(points: np.ndarray, settings=M4Settings(), clock=None, trace=None):
     offsets = with_ends(surface, normals, offsets, blind)
     scores = misfit(surface, normals, offsets, some(settings.fine_points))
     tick()
-    relations = None
     keep = distinct(normals, -scores, 4.0)
     normals, offsets, scores = normals[keep], offsets[keep], scores[keep]
     if trace is not None: trace.append((normals, offsets, scores))
-    good = scores < settings.good
-    if settings.coupled and good.sum() > 1:
-        normals, offsets = normals[good], offsets[good]
-        more, more_offsets = closure(normals, offsets, np.deg2rad(5), 16)
-        if len(more):
-            more, more_offsets, _ = align(surface, more, more_offsets, some(settings.middle_points), settings.middle_scales)
-            passed = misfit(surface, more, more_offsets, some(settings.fine_points)) < settings.good
-            normals, offsets = torch.cat([normals, more[passed]]), torch.cat([offsets, more_offsets[passed]])
-            kept = distinct(normals, -torch.arange(len(normals)).float(), 4.0)
-            normals, offsets = normals[kept], offsets[kept]
-        relations = find_relations(normals, offsets, np.deg2rad(3), 0.03)
-    else:
-        normals, offsets = normals[:1], offsets[:1]
+    good = (scores < settings.good) | (torch.arange(len(scores)) < 1)
+    normals, offsets = normals[good], offsets[good]
     tick()
-    normals, offsets, blind = align(surface, normals, offsets, some(settings.fine_points), settings.fine_scales, 2, relations)
+    for stage_scale, tolerance in settings.group_stages:
+        normals, offsets, scores = regrouped(surface, normals, offsets, some(settings.fine_points), stage_scale, tolerance, settings)
     tick()
+    relations = find_relations(normals, offsets, np.deg2rad(1.5), 0.03)
     normals, offsets, blind = align(surface, normals, offsets, some(settings.final_points), settings.final_scales, 2, relations)
     offsets = with_ends(surface, normals, offsets, blind)
     tick()
     scores = misfit(surface, normals, offsets, some(settings.fine_points))
     tick()
+    kept = distinct(normals, -scores, 5.0)
+    normals, offsets, scores = normals[kept], offsets[kept], scores[kept]
     if clock is not None:
         clock.append(np.diff(marks))
     n, d = normals.double().numpy(), offsets.double().numpy()
