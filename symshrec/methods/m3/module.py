@@ -5,7 +5,7 @@ from torch import Tensor
 from symshrec.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m3.detection import M3Settings, detect_planes
-from symshrec.methods.m3.pool import DetectionPool
+from symshrec.methods.pool import DetectionPool
 from symshrec.planes import Planes
 
 
@@ -38,7 +38,7 @@ class M3(SymmetryMethod):
         self.settings = M3Settings(
             neighbours, eigenpairs, mollify, laplacian_neighbours, time_factor, chamfer_limit, separation_deg
         )
-        self.pool = DetectionPool(workers)
+        self.pool = DetectionPool(detect_planes, workers)
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3), computed in this process; see `detect_planes` for what it raises."""

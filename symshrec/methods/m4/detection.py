@@ -6,141 +6,150 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from symshrec.methods.alignment import Pairs, align, mirrored, moved
-from symshrec.methods.coupling import closure, find_relations
-from symshrec.methods.ends import end_offset
-from symshrec.methods.misfit import misfit
-from symshrec.methods.m4.search import direction_scores, hemisphere, local_maxima
-from symshrec.methods.m4.volume import OUTSIDE, density_volume, look_up, nearest_volume
-from symshrec.methods.surface import local_surface
+from symshrec.methods.m4.candidates import candidate_planes
+from symshrec.methods.refine.alignment import Pairs, align, mirrored_nearest, moved
+from symshrec.methods.refine.coupling import closure, distinct, find_relations
+from symshrec.methods.refine.ends import with_ends
+from symshrec.methods.refine.frame import frame_of
+from symshrec.methods.refine.misfit import misfit
+from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
 from symshrec.planes import Planes
+
+HOPELESS = 0.7  # misfit of a candidate that is not worth aligning any further
+SPARE = 3  # planes kept besides the symmetric ones, with low confidence
+MIDDLE_POINTS, MIDDLE_SCALES = 600, (0.015, 0.01)
+GROUP_POINTS, GROUP_STAGES = 1200, ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))  # scale, tolerance in degrees
+FINAL_SCALES, FINAL_TOLERANCE_DEG = (0.0035, 0.0025, 0.002, 0.002), 1.5
+RELATION_DISTANCE = 0.04
+TRIMMED = 0.6  # share of the points that count where part of the cloud may be missing
 
 
 @dataclass(frozen=True)
 class M4Settings:
+    """What there is to choose; lengths inside are shares of the cloud's size (see `frame_of`).
+
+    Args:
+        points: most points used of a cloud; the rest changes nothing.
+        neighbours: points in a local plane.
+        directions: normals tried in the search.
+        candidates: local maxima of the search that are aligned.
+        separation_deg: least angle between two planes, in degrees.
+        max_planes: most planes returned.
+        together: whether planes whose images in each other are planes as well are estimated together.
+        middle_misfit, steepness: confidence is 1 / (1 + exp(steepness · (misfit − middle_misfit))).
+
+    Raises:
+        ValueError: naming the setting that is out of its range.
+    """
+
     points: int = 8192
-    directions: int = 1500
-    search_points: int = 300
-    candidates: int = 40
-    coarse_points: int = 400
     neighbours: int = 12
-    coupled: bool = True
-    fine_points: int = 1200
-    middle_points: int = 600
-    final_points: int = 8192
-    pruned: float = 0.6
-    good: float = 0.22
-    surface_scales: tuple = (0.02, 0.02, 0.01, 0.005, 0.003)
-    coarse_scales: tuple = (0.05, 0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.02, 0.02, 0.02)
-    middle_scales: tuple = (0.015, 0.01)
-    group_stages: tuple = ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))
-    final_scales: tuple = (0.0035, 0.002)
+    directions: int = 1500
+    candidates: int = 40
+    separation_deg: float = 5.0
+    max_planes: int = 40
+    together: bool = True
+    middle_misfit: float = 0.16
+    steepness: float = 40.0
+
+    def __post_init__(self):
+        ranges = {
+            "points": (64, np.inf),
+            "neighbours": (4, np.inf),
+            "directions": (16, np.inf),
+            "candidates": (1, np.inf),
+            "separation_deg": (0, 90),
+            "max_planes": (1, np.inf),
+            "middle_misfit": (0, np.inf),
+            "steepness": (0, np.inf),
+        }
+        for name, (low, high) in ranges.items():
+            if not low <= getattr(self, name) <= high:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected a number in [{low:g}, {high:g}]")
 
 
-def canonical_order(points: np.ndarray) -> np.ndarray:
-    """Keys that put (N, 3) float64 points in a random-looking order that depends on their coordinates alone."""
-    bits = (points + 0.0).view(np.uint64)
-    mixed = np.zeros(len(points), np.uint64)
-    for axis in range(3):
-        mixed = (mixed ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
-        mixed ^= mixed >> np.uint64(29)
-    return mixed
+def detect_planes(points, settings: M4Settings | None = None) -> Planes:
+    """The mirror planes of one cloud, by descending confidence.
+
+    Confidence says how well the mirrored cloud fits the cloud, relative to the cloud's own density and noise; 0.5 parts
+    symmetric from not. The order of the points changes nothing; pose and scale change the planes by rounding, and by
+    the choice of points where there are more than `settings.points`. A sphere or a surface of revolution, symmetric
+    about infinitely many planes, gets some of them, at least `separation_deg` apart.
+
+    Args:
+        points: (N, 3) tensor (worked on where it lies) or array, any unit. Coincident points count once; fewer than
+            four distinct points, or points on a straight line, have no planes.
+        settings: the default ones where omitted.
+
+    Returns:
+        Planes in the coordinates of the points.
+
+    Raises:
+        ValueError: for a wrong shape or values that are not finite.
+    """
+    settings = settings or M4Settings()
+    frame = frame_of(points, settings.points)
+    if frame is None:
+        return Planes.empty()
+    surface = local_surface(frame.points, settings.neighbours, SURFACE_SCALES)
+    normals, offsets, misfits = _aligned_candidates(surface, settings)
+    likely = misfits < settings.middle_misfit * 1.4
+    likely[0] = True
+    spare = normals[~likely], offsets[~likely], misfits[~likely]
+    normals, offsets, misfits = _grouped(surface, normals[likely], offsets[likely], settings)
+    normals, offsets, misfits = (torch.cat(both) for both in zip((normals, offsets, misfits), spare, strict=True))
+    first = torch.cat([misfits[: len(misfits) - len(spare[0])] - 10, spare[2]])
+    kept = distinct(normals, first, settings.separation_deg)[: settings.max_planes]
+    confidences = torch.sigmoid(settings.steepness * (settings.middle_misfit - misfits[kept].double()))
+    return frame.planes(normals[kept], offsets[kept], confidences).ranked()
 
 
-def coarse(surface, volume, half, size, normals, offsets, queries, scales):
-    for scale in scales:
-        nearest = look_up(volume, mirrored(surface.points[queries], normals, offsets), half, size)
-        pairs = Pairs(surface, queries, nearest.clamp_min(0), (nearest != OUTSIDE).float())
-        normals, offsets, _ = moved(pairs, normals, offsets, scale, 1e-3)
-    return normals, offsets
-
-
-def distinct(normals, scores, separation):
-    """Rows by descending score, each over `separation` degrees from those before it."""
-    order = torch.argsort(scores, descending=True, stable=True)
-    close = (normals[order] @ normals[order].T).abs() > np.cos(np.deg2rad(separation))
-    kept = []
-    for row in range(len(order)):
-        if not close[row, kept].any():
-            kept.append(row)
-    return order[kept]
-
-
-def with_ends(surface, normals, offsets, blind):
-    offsets = offsets.clone()
-    for row in torch.nonzero(blind)[:, 0].tolist():
-        offsets[row] = end_offset(surface.points @ normals[row], surface.certainty.sqrt()).float()
-    return offsets
-
-
-def regrouped(surface, normals, offsets, queries, scale, tolerance, settings):
-    """Completed by images, aligned together, repetitions and failures removed."""
-    more, more_offsets = closure(normals, offsets, np.deg2rad(5), 12)
-    if len(more):
-        more, more_offsets, _ = align(surface, more, more_offsets, queries[: settings.middle_points], settings.middle_scales)
-        normals, offsets = torch.cat([normals, more]), torch.cat([offsets, more_offsets])
-    scores = misfit(surface, normals, offsets, queries)
-    kept = distinct(normals, -scores, 5.0)
-    kept = kept[(scores[kept] < settings.good) | (torch.arange(len(kept)) < 1)]
-    normals, offsets = normals[kept], offsets[kept]
-    relations = find_relations(normals, offsets, np.deg2rad(tolerance), 0.04)
-    normals, offsets, _ = align(surface, normals, offsets, queries, (scale,), 3, relations)
-    return normals, offsets, scores[kept]
-
-
-def detect(points: np.ndarray, settings=M4Settings(), clock=None, trace=None):
-    import time
-    marks = [time.perf_counter()]
-    tick = lambda: marks.append(time.perf_counter())
-    points = np.asarray(points, np.float64)
-    centre = points.mean(0)
-    scale = float(np.sqrt(12 * np.square(points - centre).sum(1).mean()))
-    order = np.argsort(canonical_order(points), kind="stable")[: settings.points]
-    cloud = torch.from_numpy(((points[order] - centre) / scale).astype(np.float32))
-    half = float(cloud.abs().max().clamp_max(1.0)) * 1.1
-    some = lambda count: torch.arange(min(len(cloud), count))
-    tick()
-    surface = local_surface(cloud, settings.neighbours, settings.surface_scales)
-    tick()
-    size = 48
-    volume = density_volume(cloud, half, size, 0.03)
-    queries = cloud[: settings.search_points]
-    weights = 1 - look_up(volume, queries, half, size)
-    directions, around = hemisphere(settings.directions)
-    scores = direction_scores(volume, queries, weights, directions, torch.zeros(1), half, size)[:, 0]
-    peaks = local_maxima(scores, around, settings.candidates)
-    normals, offsets = directions[peaks], torch.zeros(len(peaks))
-    tick()
-    nearest = nearest_volume(cloud[:2048], half, 48, 2)
-    tick()
-    normals, offsets = coarse(surface, nearest, half, 48, normals, offsets, some(settings.coarse_points), settings.coarse_scales)
-    scores = -misfit(surface, normals, offsets, some(settings.coarse_points))
-    kept = distinct(normals, scores, 4.0)
-    kept = kept[(-scores[kept] < settings.pruned) | (torch.arange(len(kept)) < 1)][:24]
-    normals, offsets = normals[kept], offsets[kept]
-    tick()
-    normals, offsets, blind = align(surface, normals, offsets, some(settings.middle_points), settings.middle_scales)
+def _aligned_candidates(surface: Surface, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
+    """Normals, offsets and misfits of the search's candidates, best first, each aligned for itself."""
+    normals, offsets, misfits = candidate_planes(surface, settings.directions, settings.candidates)
+    kept = distinct(normals, misfits, settings.separation_deg * 0.8)
+    kept = kept[(misfits[kept] < HOPELESS) | (torch.arange(len(kept), device=kept.device) < 1 + SPARE)]
+    rows = _rows(surface, MIDDLE_POINTS)
+    normals, offsets, blind = align(surface, normals[kept], offsets[kept], rows, MIDDLE_SCALES)
     offsets = with_ends(surface, normals, offsets, blind)
-    scores = misfit(surface, normals, offsets, some(settings.fine_points))
-    tick()
-    keep = distinct(normals, -scores, 4.0)
-    normals, offsets, scores = normals[keep], offsets[keep], scores[keep]
-    if trace is not None: trace.append((normals, offsets, scores))
-    good = (scores < settings.good) | (torch.arange(len(scores)) < 1)
-    normals, offsets = normals[good], offsets[good]
-    tick()
-    for stage_scale, tolerance in settings.group_stages:
-        normals, offsets, scores = regrouped(surface, normals, offsets, some(settings.fine_points), stage_scale, tolerance, settings)
-    tick()
-    relations = find_relations(normals, offsets, np.deg2rad(1.5), 0.03)
-    normals, offsets, blind = align(surface, normals, offsets, some(settings.final_points), settings.final_scales, 2, relations)
-    offsets = with_ends(surface, normals, offsets, blind)
-    tick()
-    scores = misfit(surface, normals, offsets, some(settings.fine_points))
-    tick()
-    kept = distinct(normals, -scores, 5.0)
-    normals, offsets, scores = normals[kept], offsets[kept], scores[kept]
-    if clock is not None:
-        clock.append(np.diff(marks))
-    n, d = normals.double().numpy(), offsets.double().numpy()
-    return Planes(n, n * d[:, None], 1 / (1 + np.exp(20 * (scores.double().numpy() - .25)))).transformed(scale=scale, translation=centre)
+    rows = _rows(surface, GROUP_POINTS)
+    misfits = misfit(surface, rows, mirrored_nearest(surface, normals, offsets, rows)[0])
+    kept = distinct(normals, misfits, settings.separation_deg * 0.8)
+    return normals[kept], offsets[kept], misfits[kept]
+
+
+def _grouped(surface: Surface, normals: Tensor, offsets: Tensor, settings: M4Settings):
+    """Likely planes, and their images in each other, aligned at falling scales; normals, offsets and misfits."""
+    rows = _rows(surface, GROUP_POINTS)
+    for scale, tolerance in GROUP_STAGES:
+        if settings.together:
+            normals, offsets = _completed(surface, normals, offsets, settings)
+        distances, matches = mirrored_nearest(surface, normals, offsets, rows)
+        misfits = misfit(surface, rows, distances)
+        kept = distinct(normals, misfits, settings.separation_deg)[: settings.max_planes]
+        kept = kept[(misfits[kept] < settings.middle_misfit * 1.4) | (torch.arange(len(kept), device=kept.device) < 1)]
+        normals, offsets, misfits = normals[kept], offsets[kept], misfits[kept]
+        relations = find_relations(normals, offsets, tolerance, RELATION_DISTANCE) if settings.together else None
+        pairs = Pairs(surface, rows, matches[kept])
+        for _ in range(3):
+            normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
+    rows = _rows(surface, len(surface.points))
+    relations = find_relations(normals, offsets, FINAL_TOLERANCE_DEG, RELATION_DISTANCE) if settings.together else None
+    distances, matches = mirrored_nearest(surface, normals, offsets, rows)
+    pairs = Pairs(surface, rows, matches)
+    for scale in FINAL_SCALES:
+        normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
+    return normals, with_ends(surface, normals, offsets, blind), misfit(surface, rows, distances)
+
+
+def _completed(surface: Surface, normals: Tensor, offsets: Tensor, settings: M4Settings) -> tuple[Tensor, Tensor]:
+    """The planes and their images in each other that are not among them."""
+    more, more_offsets = closure(normals, offsets, settings.separation_deg, settings.max_planes)
+    if not len(more):
+        return normals, offsets
+    more, more_offsets, _ = align(surface, more, more_offsets, _rows(surface, MIDDLE_POINTS), MIDDLE_SCALES)
+    return torch.cat([normals, more]), torch.cat([offsets, more_offsets])
+
+
+def _rows(surface: Surface, count: int) -> Tensor:
+    return torch.arange(min(count, len(surface.points)), device=surface.points.device)

@@ -5,8 +5,8 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from symshrec.methods.alignment import mirrored
 from symshrec.methods.m4.volume import look_up
+from symshrec.methods.refine.alignment import mirrored
 
 AROUND = 8  # neighbours of a direction, beside itself
 
@@ -26,14 +26,11 @@ def hemisphere(count: int) -> tuple[Tensor, Tensor]:
     return directions, (directions @ directions.T).abs().topk(AROUND + 1).indices[:, 1:]
 
 
-def direction_scores(volume: Tensor, points: Tensor, weights: Tensor, directions: Tensor, offsets: Tensor,
-                     half_width: float, size: int) -> Tensor:
-    """Weighted mean density (D, O) at (Q, 3) points mirrored across every direction at every offset (O,)."""
-    scores = []
-    for offset in offsets:
-        images = mirrored(points, directions, offset.expand(len(directions)))
-        scores.append(look_up(volume, images, half_width, size) @ weights / weights.sum())
-    return torch.stack(scores, 1)
+def direction_scores(
+    volume: Tensor, points: Tensor, weights: Tensor, directions: Tensor, half_width: float, size: int
+) -> Tensor:
+    """Weighted mean density (D,) at (Q, 3) points mirrored across the planes through 0 in every direction (D, 3)."""
+    return look_up(volume, mirrored(points, directions), half_width, size) @ weights / weights.sum().clamp_min(1e-12)
 
 
 def local_maxima(scores: Tensor, around: Tensor, most: int) -> Tensor:

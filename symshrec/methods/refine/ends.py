@@ -7,6 +7,8 @@ of two change points of the density along the normal, each by maximum likelihood
 import torch
 from torch import Tensor
 
+from symshrec.methods.refine.surface import Surface
+
 WINDOW = 0.12  # of the extent: how much of the density around an end is looked at
 
 
@@ -33,3 +35,11 @@ def _upper_end(heights: Tensor, weights: Tensor) -> Tensor:
     likelihood = below * (below / window).clamp_min(1e-12).log() + above * (above / window).clamp_min(1e-12).log()
     likelihood = likelihood - (below + above) * ((below + above) / (2 * window)).clamp_min(1e-12).log()
     return edge[torch.where(below > above, likelihood, -torch.inf).argmax()]
+
+
+def with_ends(surface: Surface, normals: Tensor, offsets: Tensor, blind: Tensor) -> Tensor:
+    """Offsets (K,), those the surface is `blind` (K,) to taken from the ends of the cloud."""
+    offsets = offsets.clone()
+    for row in torch.nonzero(blind)[:, 0].tolist():
+        offsets[row] = end_offset(surface.points @ normals[row], surface.certainty.sqrt()).to(offsets.dtype)
+    return offsets

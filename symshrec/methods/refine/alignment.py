@@ -3,11 +3,13 @@
 import torch
 from torch import Tensor
 
-from symshrec.methods.coupling import Relations, relation_system
-from symshrec.methods.surface import Surface, falling
+from symshrec.methods.refine.coupling import Relations, relation_system
+from symshrec.methods.refine.surface import Surface, falling
 
 LONGEST_STEP = 0.1  # radians, and the same share of the cloud's size
 STIFFNESS = 1e4  # of the relations between planes, relative to the best determined direction of the data
+DAMPING = 1e-6  # of a step, relative to the weight of the pairs
+LOCK = 1e3  # the same, of an offset the surface is blind to
 SLIDING = 0.03  # mean squared cosine between plane and surface normals below which the surface is blind to the offset
 
 
@@ -66,44 +68,51 @@ class Pairs:
         return (weighted @ jacobian).double(), (weighted @ residuals[..., None])[..., 0].double(), weights.sum(1)
 
 
-def solved(matrices: Tensor, right: Tensor, damping: Tensor, relations=None, planes=None) -> Tensor:
-    """Steps (K, 3) float32: each plane's own, or of all together where relations tie `planes` (normals, offsets, basis).
+def moved(
+    pairs: Pairs, normals: Tensor, offsets: Tensor, scale: float, damping: float, relations: Relations | None = None
+) -> tuple[Tensor, Tensor, Tensor]:
+    """The planes (K, 3), (K,) after one step on the pairs, each its own, or all together where relations tie them.
 
-    Planes to whose offset the surface is blind keep it.
+    Returns:
+        Normals, offsets, and whether the surface is blind to the offset (K,); where it is, the offset stays.
     """
-    matrices = matrices + damping.double().clamp_min(1e-9)[:, None, None] * torch.eye(3, device=right.device)
-    if relations is None or not len(relations.mirror):
-        return -torch.linalg.solve(matrices, right).float()
-    tied, tied_right = relation_system(relations, *planes)
-    stiffness = STIFFNESS * matrices.diagonal(dim1=-2, dim2=-1).max()
-    whole = torch.block_diag(*matrices) + stiffness * tied
-    return -torch.linalg.solve(whole, right.flatten() + stiffness * tied_right).reshape(-1, 3).float()
-
-
-def moved(pairs: Pairs, normals: Tensor, offsets: Tensor, scale: float, damping: float, relations=None):
-    """The planes (K, 3), (K,) after one step on the pairs at a scale of residuals."""
     basis = tangents(normals)
     matrices, right, total = pairs.system(normals, offsets, basis, scale)
+    total = total.double().clamp_min(1e-6)
     blind = matrices[:, 2, 2] < 4 * SLIDING * total
-    matrices[:, 2, 2] += torch.where(blind, 1e6 * total.double(), 0.0)
-    steps = solved(matrices, right, damping * total, relations, (normals, offsets, basis))
-    steps = steps * (LONGEST_STEP / steps.norm(dim=-1, keepdim=True).clamp_min(LONGEST_STEP))
+    stiffness = STIFFNESS * matrices.diagonal(dim1=-2, dim2=-1).max().clamp_min(1e-6)
+    ridge = (damping * total)[:, None].repeat(1, 3)
+    ridge[:, 2] += torch.where(blind, LOCK * total, 0.0)
+    matrices = matrices + torch.diag_embed(ridge)
+    if relations is None or not len(relations.mirror):
+        steps = -torch.linalg.solve(matrices, right)
+    else:
+        tied, tied_right = relation_system(relations, normals, offsets, basis)
+        whole = torch.block_diag(*matrices) + stiffness * tied
+        steps = -torch.linalg.solve(whole, right.flatten() + stiffness * tied_right).reshape(-1, 3)
+    steps = (steps * (LONGEST_STEP / steps.norm(dim=-1, keepdim=True).clamp_min(LONGEST_STEP))).to(normals.dtype)
     turned = normals + (steps[:, :2, None] * basis).sum(1)
     return torch.nn.functional.normalize(turned, dim=-1), offsets + steps[:, 2], blind
+
+
+def mirrored_nearest(surface: Surface, normals: Tensor, offsets: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
+    """Distances and rows (K, Q) of the points nearest the mirror images of points `queries` (Q,) in K planes."""
+    distances, nearest = surface.neighbours.query(mirrored(surface.points[queries], normals, offsets), 1)
+    return distances[..., 0], nearest[..., 0]
 
 
 def align(
     surface: Surface, normals: Tensor, offsets: Tensor, queries: Tensor, scales: tuple[float, ...],
     steps: int = 2, relations: Relations | None = None,
-) -> tuple[Tensor, Tensor, Tensor]:
+) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
     """Planes (K, 3), (K,) refined on the mirrored points `queries` (Q,): at each scale one search of nearest points.
 
     Returns:
-        Normals, offsets, and whether the surface is blind to the offset (K,).
+        As `moved`.
     """
     for scale in scales:
-        _, matches = surface.neighbours.query(mirrored(surface.anchors[queries], normals, offsets), 1)
-        pairs = Pairs(surface, queries, matches[..., 0])
+        _, matches = mirrored_nearest(surface, normals, offsets, queries)
+        pairs = Pairs(surface, queries, matches)
         for _ in range(steps):
-            normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
+            normals, offsets, blind = moved(pairs, normals, offsets, scale, DAMPING, relations)
     return normals, offsets, blind

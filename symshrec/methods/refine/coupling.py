@@ -5,6 +5,7 @@ plane l of the set, the relation "the image of k in j is l" is one more equation
 """
 
 from dataclasses import dataclass
+from math import cos, radians
 
 import torch
 from torch import Tensor
@@ -27,14 +28,14 @@ def images_of_planes(normals: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor]:
     return images, offsets[None] - 2 * cosines * offsets[:, None]
 
 
-def find_relations(normals: Tensor, offsets: Tensor, angle: float, distance: float) -> Relations:
-    """Relations that hold within `angle` (radians) and `distance` among planes normals (K, 3), offsets (K,)."""
+def find_relations(normals: Tensor, offsets: Tensor, angle_deg: float, distance: float) -> Relations:
+    """Relations that hold within `angle_deg` (degrees) and `distance` among planes normals (K, 3), offsets (K,)."""
     images, image_offsets = images_of_planes(normals, offsets)
     cosines = images @ normals.T  # (K, K, K)
     nearest = cosines.abs().argmax(-1)
     cosine = cosines.gather(-1, nearest[..., None])[..., 0]
     gaps = (image_offsets * cosine.sign() - offsets[nearest]).abs()
-    holds = (cosine.abs() > torch.cos(torch.tensor(angle))) & (gaps < distance)
+    holds = (cosine.abs() > cos(radians(angle_deg))) & (gaps < distance)
     holds.fill_diagonal_(False)
     mirror, second = torch.nonzero(holds, as_tuple=True)
     return Relations(mirror, second, nearest[mirror, second], cosine[mirror, second].sign())
@@ -69,14 +70,14 @@ def relation_system(relations: Relations, normals: Tensor, offsets: Tensor, basi
     return flat.T @ flat, flat.T @ off.reshape(-1)
 
 
-def closure(normals: Tensor, offsets: Tensor, separation: float, most: int) -> tuple[Tensor, Tensor]:
-    """Images of planes (K, 3), (K,) in one another that are over `separation` (radians) from all and from each other.
+def closure(normals: Tensor, offsets: Tensor, separation_deg: float, most: int) -> tuple[Tensor, Tensor]:
+    """Images of planes (K, 3), (K,) in one another that are over `separation_deg` (degrees) from all and from each other.
 
     Returns:
         At most `most` normals and offsets, the images in the first planes first.
     """
     images, image_offsets = (each.flatten(0, 1) for each in images_of_planes(normals, offsets))
-    cosine = torch.cos(torch.tensor(separation))
+    cosine = cos(radians(separation_deg))
     new = torch.nonzero(((images @ normals.T).abs() < cosine).all(1))[:, 0]
     kept = []
     while len(new) and len(kept) < most:
@@ -84,3 +85,14 @@ def closure(normals: Tensor, offsets: Tensor, separation: float, most: int) -> t
         new = new[(images[new] @ images[new[0]]).abs() < cosine]
     rows = torch.tensor(kept, dtype=torch.int64, device=normals.device)
     return images[rows], image_offsets[rows]
+
+
+def distinct(normals: Tensor, misfits: Tensor, separation_deg: float) -> Tensor:
+    """Rows of the planes by ascending misfit, each over `separation_deg` from all kept before it."""
+    order = torch.argsort(misfits, stable=True)
+    close = ((normals[order] @ normals[order].T).abs() > cos(radians(separation_deg))).tolist()
+    kept = []
+    for row, near in enumerate(close):
+        if not any(near[each] for each in kept):
+            kept.append(row)
+    return order[kept]
