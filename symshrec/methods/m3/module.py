@@ -17,6 +17,7 @@ class M3(SymmetryMethod):
         count_threshold: confidence from which on a plane counts as found, in the count accuracy.
         workers: processes for `detect_batch`; 0 and 1 work in this one. They start with the first batch and end with
             the run. A cloud's planes do not depend on their number.
+        refine: whether point-to-plane refinement follows.
 
     Raises:
         ValueError: naming the argument that is out of its range.
@@ -33,8 +34,9 @@ class M3(SymmetryMethod):
         separation_deg: float = 5.0,
         count_threshold: float = 0.95,
         workers: int = 0,
+        refine: bool = False,
     ):
-        super().__init__(count_threshold)
+        super().__init__(count_threshold, refine)
         self.settings = M3Settings(
             neighbours, eigenpairs, mollify, laplacian_neighbours, time_factor, chamfer_limit, separation_deg
         )

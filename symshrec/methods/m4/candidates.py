@@ -11,11 +11,11 @@ from symshrec.methods.refine.surface import Surface
 
 SIZE = 48  # cells along an edge of the volumes
 BLUR = 0.03  # of the density, as a share of the cloud's size
-TARGETS = 1536  # points in the volume of nearest points
+TARGETS = 1024  # points in the volume of nearest points
 REACH = 2  # cells around each
 SEARCHED = 256  # points mirrored in every direction
-ALIGNED = 320  # points mirrored in every candidate
-SCALES = (0.05, 0.05, 0.05, 0.04, 0.04, 0.03, 0.03, 0.02, 0.02)
+ALIGNED = 240  # points mirrored in every candidate
+SCALES = (0.05, 0.05, 0.05, 0.04, 0.03, 0.03, 0.02, 0.02)
 DAMPING = 1e-3
 
 

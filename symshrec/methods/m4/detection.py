@@ -15,10 +15,11 @@ from symshrec.methods.refine.misfit import misfit
 from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
 from symshrec.planes import Planes
 
-HOPELESS = 0.7  # misfit of a candidate that is not worth aligning any further
+HOPELESS = 0.6  # misfit of a candidate that is not worth aligning any further
 SPARE = 3  # planes kept besides the symmetric ones, with low confidence
-MIDDLE_POINTS, MIDDLE_SCALES = 600, (0.015, 0.01)
+MIDDLE_POINTS, MIDDLE_SCALES = 500, (0.015, 0.01)
 GROUP_POINTS, GROUP_STAGES = 1200, ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))  # scale, tolerance in degrees
+FINAL_POINTS = 4096
 FINAL_SCALES, FINAL_TOLERANCE_DEG = (0.0035, 0.0025, 0.002, 0.002), 1.5
 RELATION_DISTANCE = 0.04
 TRIMMED = 0.6  # share of the points that count where part of the cloud may be missing
@@ -133,7 +134,7 @@ def _grouped(surface: Surface, normals: Tensor, offsets: Tensor, settings: M4Set
         pairs = Pairs(surface, rows, matches[kept])
         for _ in range(3):
             normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
-    rows = _rows(surface, len(surface.points))
+    rows = _rows(surface, FINAL_POINTS)
     relations = find_relations(normals, offsets, FINAL_TOLERANCE_DEG, RELATION_DISTANCE) if settings.together else None
     distances, matches = mirrored_nearest(surface, normals, offsets, rows)
     pairs = Pairs(surface, rows, matches)

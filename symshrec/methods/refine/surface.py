@@ -7,7 +7,7 @@ import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-SURFACE_SCALES = (0.02, 0.02, 0.01, 0.005, 0.003)
+SURFACE_SCALES = (0.02, 0.01, 0.005, 0.003)
 CELLS = 1 << 25  # distances held at once where no kd-tree is used
 PARALLEL_ROWS = 1e-14  # squared length, relative to the trace, below which a matrix has no single smallest eigenvector
 
