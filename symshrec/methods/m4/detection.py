@@ -18,7 +18,10 @@ from symshrec.planes import Planes
 HOPELESS = 0.6  # misfit of a candidate that is not worth aligning any further
 SPARE = 3  # planes kept besides the symmetric ones, with low confidence
 MIDDLE_POINTS, MIDDLE_SCALES = 500, (0.015, 0.01)
-GROUP_POINTS, GROUP_STAGES = 1200, ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))  # scale, tolerance in degrees
+GROUP_POINTS, GROUP_STAGES = (
+    1200,
+    ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0)),
+)  # scale, tolerance in degrees
 FINAL_POINTS = 4096
 FINAL_SCALES, FINAL_TOLERANCE_DEG = (0.0035, 0.0025, 0.002, 0.002), 1.5
 RELATION_DISTANCE = 0.04
@@ -134,7 +137,7 @@ def _grouped(surface: Surface, normals: Tensor, offsets: Tensor, settings: M4Set
         pairs = Pairs(surface, rows, matches[kept])
         for _ in range(3):
             normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
-    rows = _rows(surface, FINAL_POINTS)
+    rows = surface.certainty.topk(min(FINAL_POINTS, len(surface.points))).indices
     relations = find_relations(normals, offsets, FINAL_TOLERANCE_DEG, RELATION_DISTANCE) if settings.together else None
     distances, matches = mirrored_nearest(surface, normals, offsets, rows)
     pairs = Pairs(surface, rows, matches)

@@ -61,7 +61,7 @@ class Pairs:
         common = torch.nn.functional.normalize(common, dim=-1)
         residuals = (gaps * common).sum(-1)
         weights = self.weights * cosines.square().square() * falling(residuals / scale)
-        along = (common @ normals[..., None])  # (K, Q, 1)
+        along = common @ normals[..., None]  # (K, Q, 1)
         slopes = self.points @ basis.mT * along + heights[..., None] * (common @ basis.mT)
         jacobian = torch.cat([slopes, -along], -1) * -2
         weighted = (jacobian * weights[..., None]).mT

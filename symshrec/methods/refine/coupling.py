@@ -50,8 +50,12 @@ def relation_system(relations: Relations, normals: Tensor, offsets: Tensor, basi
     nj, nk, dj = normals[j], normals[k], offsets[j]
     cosine = (nj * nk).sum(1)
     off = torch.cat(
-        [nk - 2 * cosine[:, None] * nj - sign[:, None] * normals[l],
-         (offsets[k] - 2 * cosine * dj - sign * offsets[l])[:, None]], 1)  # (R, 4)
+        [
+            nk - 2 * cosine[:, None] * nj - sign[:, None] * normals[l],
+            (offsets[k] - 2 * cosine * dj - sign * offsets[l])[:, None],
+        ],
+        1,
+    )  # (R, 4)
     eye = torch.eye(4, dtype=torch.float64, device=normals.device)
     of_mirror = -2 * cosine[:, None, None] * eye
     of_mirror[:, :3, :3] -= 2 * nj[:, :, None] * nk[:, None, :]

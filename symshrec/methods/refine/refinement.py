@@ -7,14 +7,14 @@ import torch
 from torch import Tensor
 
 from symshrec.methods.refine.alignment import Pairs, align, mirrored_nearest, moved
-from symshrec.methods.refine.coupling import find_relations
+from symshrec.methods.refine.coupling import find_relations, images_of_planes
 from symshrec.methods.refine.ends import with_ends
 from symshrec.methods.refine.frame import frame_of
 from symshrec.methods.refine.misfit import misfit
 from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
 from symshrec.planes import Planes
 
-COARSE_POINTS, COARSE_SCALES = 500, (0.05, 0.04, 0.03, 0.02, 0.015)
+COARSE_POINTS, COARSE_SCALES = 500, ((0.1, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015), (0.03, 0.02, 0.015))
 FINE_POINTS, FINE_SCALES = 1200, (0.01, 0.007, 0.005)
 FINAL_SCALES = (0.0035, 0.0025, 0.002, 0.002)
 TIED_MISFIT = 0.2  # planes that fit no worse are estimated together
@@ -82,10 +82,11 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
 
 
 def _refined(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor, settings) -> tuple[Tensor, Tensor]:
-    normals, offsets, blind = align(surface, normals, offsets, coarse, COARSE_SCALES)
-    offsets = with_ends(surface, normals, offsets, blind)
-    distances, _ = mirrored_nearest(surface, normals, offsets, fine)
-    tied = misfit(surface, fine, distances) < TIED_MISFIT
+    normals, offsets, misfits = _best_start(surface, normals, offsets, coarse, fine)
+    if settings.together:
+        for _ in range(2):
+            normals, offsets, misfits = _replaced(surface, normals, offsets, misfits, coarse, fine)
+    tied = misfits < TIED_MISFIT
     rows = torch.arange(len(surface.points), device=normals.device)
     for part, together in ((tied, settings.together), (~tied, False)):
         if not part.any():
@@ -99,6 +100,40 @@ def _refined(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor, s
             here, there, blind = moved(pairs, here, there, scale, 1e-6, relations)
         normals[part], offsets[part] = here, with_ends(surface, here, there, blind)
     return normals, offsets
+
+
+def _best_start(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Of the planes aligned from a large scale on, from a small one, and as given, each time what fits best."""
+    best = normals.clone(), offsets.clone(), _misfits(surface, normals, offsets, fine)
+    for scales in COARSE_SCALES:
+        there, distances, blind = align(surface, normals, offsets, coarse, scales)
+        distances = with_ends(surface, there, distances, blind)
+        misfits = _misfits(surface, there, distances, fine)
+        better = misfits < best[2]
+        for kept, new in zip(best, (there, distances, misfits), strict=True):
+            kept[better] = new[better]
+    return best
+
+
+def _replaced(surface: Surface, normals, offsets, misfits, coarse: Tensor, fine: Tensor):
+    """Planes that do not fit yet replaced by the images of those that do in each other, where these are near and fit."""
+    good = misfits < TIED_MISFIT
+    if good.all() or good.sum() < 2:
+        return normals, offsets, misfits
+    images, image_offsets = (each.flatten(0, 1) for each in images_of_planes(normals[good], offsets[good]))
+    cosines = normals @ images.T
+    nearest = cosines.abs().argmax(1)
+    near = cosines.abs().amax(1) > np.cos(np.deg2rad(FARTHEST_DEG))
+    there, distances = images[nearest], image_offsets[nearest]
+    there, distances, _ = align(surface, there, distances, coarse, COARSE_SCALES[1])
+    better = near & ~good
+    new = _misfits(surface, there, distances, fine)
+    better &= new < misfits
+    return (
+        torch.where(better[:, None], there, normals),
+        torch.where(better, distances, offsets),
+        torch.where(better, new, misfits),
+    )
 
 
 def _misfits(surface: Surface, normals: Tensor, offsets: Tensor, rows: Tensor) -> Tensor:

@@ -29,7 +29,9 @@ class Neighbours:
             distances, nearest = np.reshape(distances, shape), np.reshape(nearest, shape)
             return torch.from_numpy(distances).to(queries.dtype), torch.from_numpy(nearest)
         rows = max(1, CELLS // len(self.points))
-        found = [torch.cdist(part, self.points).topk(count, largest=False) for part in queries.reshape(-1, 3).split(rows)]
+        found = [
+            torch.cdist(part, self.points).topk(count, largest=False) for part in queries.reshape(-1, 3).split(rows)
+        ]
         distances, nearest = (torch.cat(column).reshape(shape) for column in zip(*found, strict=True))
         return distances, nearest
 
@@ -63,7 +65,7 @@ def local_surface(points: Tensor, neighbours: int, scales: tuple[float, ...]) ->
     """
     lookup = Neighbours(points)
     distances, nearest = lookup.query(points, min(neighbours, len(points)))
-    x, y, z = ((points[nearest] - points[:, None]).unbind(-1))  # (N, k) each
+    x, y, z = (points[nearest] - points[:, None]).unbind(-1)  # (N, k) each
     weights = torch.ones_like(x)
     for scale in scales:
         total = weights.sum(1)
@@ -75,9 +77,7 @@ def local_surface(points: Tensor, neighbours: int, scales: tuple[float, ...]) ->
         heights = u * normals[:, :1] + v * normals[:, 1:2] + w * normals[:, 2:]
         weights = falling(heights / scale)
     own = (means * normals).sum(1) / scales[-1]
-    return Surface(
-        points, points + means, normals, falling(own) * weights.mean(1), nearest, distances[:, 1], lookup
-    )
+    return Surface(points, points + means, normals, falling(own) * weights.mean(1), nearest, distances[:, 1], lookup)
 
 
 def falling(ratios: Tensor) -> Tensor:
