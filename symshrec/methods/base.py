@@ -7,6 +7,7 @@ from lightning import LightningModule
 from torch import Tensor
 
 from symshrec.batch import Batch
+from symshrec.methods.refine import refine_planes
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -19,11 +20,12 @@ class SymmetryMethod(LightningModule):
 
     Args:
         count_threshold: planes of at least this confidence count as found in the count accuracy.
+        refine: whether point-to-plane refinement follows detection (see `refine_planes`).
     """
 
-    def __init__(self, count_threshold: float = 0.5):
+    def __init__(self, count_threshold: float = 0.5, refine: bool = False):
         super().__init__()
-        self.count_threshold = count_threshold
+        self.count_threshold, self.refine = count_threshold, refine
         self.test_metric: SymmetryMetric | None = None
         self.known: Mapping[int, Planes] = {}
 
@@ -45,12 +47,19 @@ class SymmetryMethod(LightningModule):
         """The planes of every cloud of a batch, in order."""
         return [self.detect(points) for points in batch.clouds]
 
+    def planes_of(self, batch: Batch) -> list[Planes]:
+        """What the method answers for every cloud of a batch: its planes, refined where asked."""
+        found = self.detect_batch(batch)
+        if not self.refine:
+            return found
+        return [refine_planes(points, planes).planes for points, planes in zip(batch.clouds, found, strict=True)]
+
     def measure_at(self, thetas_deg: Sequence[float], epsilons: Sequence[float]) -> None:
         """Choose the tolerances of the coming test: angles in degrees, distances as a share of the diagonal (§2.3)."""
         self.test_metric = SymmetryMetric(thetas_deg, epsilons, self.count_threshold)
 
     def predict_step(self, batch: Batch, batch_idx: int) -> list[Planes]:
-        return self.detect_batch(batch)
+        return self.planes_of(batch)
 
     def on_test_start(self) -> None:
         if self.test_metric is None:
@@ -63,7 +72,7 @@ class SymmetryMethod(LightningModule):
             The planes of every cloud, for callbacks to store and show.
         """
         missing = [row for row, position in enumerate(batch.positions) if position not in self.known]
-        found = dict(zip(missing, self.detect_batch(batch.select(missing)) if missing else (), strict=True))
+        found = dict(zip(missing, self.planes_of(batch.select(missing)) if missing else (), strict=True))
         planes = [found[row] if row in found else self.known[at] for row, at in enumerate(batch.positions)]
         self.test_metric.update(planes, batch.truth, batch.diagonals, batch.labels, batch.positions)
         return planes

@@ -5,7 +5,7 @@ from torch import Tensor
 from symshrec.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m3.detection import M3Settings, detect_planes
-from symshrec.methods.m3.pool import DetectionPool
+from symshrec.methods.pool import DetectionPool
 from symshrec.planes import Planes
 
 
@@ -17,6 +17,7 @@ class M3(SymmetryMethod):
         count_threshold: confidence from which on a plane counts as found, in the count accuracy.
         workers: processes for `detect_batch`; 0 and 1 work in this one. They start with the first batch and end with
             the run. A cloud's planes do not depend on their number.
+        refine: whether point-to-plane refinement follows.
 
     Raises:
         ValueError: naming the argument that is out of its range.
@@ -33,12 +34,13 @@ class M3(SymmetryMethod):
         separation_deg: float = 5.0,
         count_threshold: float = 0.95,
         workers: int = 0,
+        refine: bool = False,
     ):
-        super().__init__(count_threshold)
+        super().__init__(count_threshold, refine)
         self.settings = M3Settings(
             neighbours, eigenpairs, mollify, laplacian_neighbours, time_factor, chamfer_limit, separation_deg
         )
-        self.pool = DetectionPool(workers)
+        self.pool = DetectionPool(detect_planes, workers)
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3), computed in this process; see `detect_planes` for what it raises."""

@@ -1,26 +1,29 @@
-"""§3.3.1 Many clouds at once: a pool of single-threaded processes that need no torch, kept from batch to batch."""
+"""§3.3.1 Many clouds at once: a pool of single-threaded processes, kept from batch to batch."""
 
 import multiprocessing
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from itertools import zip_longest
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from symshrec.methods.m3.detection import M3Settings, detect_planes
 from symshrec.planes import Planes
 from symshrec.workers import end_with_parent, main_left_out
 
 
-def detect_named(name: str, points: np.ndarray, settings: M3Settings) -> Planes:
-    """`detect_planes`, with the cloud's name in front of whatever it raises.
+Detect = Callable[[np.ndarray, object], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
+
+
+def detect_named(detect: Detect, name: str, points: np.ndarray, settings) -> Planes:
+    """`detect(points, settings)`, with the cloud's name in front of whatever it raises.
 
     Raises:
         ValueError: where the points cannot be used. RuntimeError: where the detection fails.
     """
     try:
-        return detect_planes(points, settings)
+        return detect(points, settings)
     except ValueError as error:
         raise ValueError(f"cloud {name}: {error}") from error
     except Exception as error:
@@ -31,19 +34,20 @@ class DetectionPool:
     """`detect_named` over clouds, on processes that start with the first call and end with `close` or an error.
 
     Args:
+        detect: finds the planes of one cloud.
         workers: processes; 0 and 1 work in this one. The planes do not depend on their number.
 
     Raises:
         ValueError: for a negative number.
     """
 
-    def __init__(self, workers: int):
+    def __init__(self, detect: Detect, workers: int):
         if workers < 0:
             raise ValueError(f"workers is {workers}, expected 0 or more")
-        self.workers = workers
+        self.find, self.workers = detect, workers
         self._executor: ProcessPoolExecutor | None = None
 
-    def detect(self, names: Sequence[str], clouds: Sequence[np.ndarray], settings: M3Settings) -> list[Planes]:
+    def detect(self, names: Sequence[str], clouds: Sequence[np.ndarray], settings) -> list[Planes]:
         """The planes of every cloud (N, 3), in order.
 
         Raises:
@@ -51,12 +55,12 @@ class DetectionPool:
         """
         jobs = list(zip(names, clouds, strict=True))
         if self.workers <= 1:
-            return [detect_named(name, cloud, settings) for name, cloud in jobs]
+            return [detect_named(self.find, name, cloud, settings) for name, cloud in jobs]
         futures = []
         try:
             with main_left_out():
                 for name, cloud in jobs:
-                    futures.append(self._running().submit(detect_named, name, cloud, settings))
+                    futures.append(self._running().submit(detect_named, self.find, name, cloud, settings))
             return [future.result() for future in futures]
         except BrokenExecutor as error:
             finished = [future.done() and not future.exception() for future in futures]
@@ -83,3 +87,5 @@ class DetectionPool:
 def _start() -> None:
     end_with_parent()
     threadpool_limits(1)
+    if "torch" in sys.modules:
+        sys.modules["torch"].set_num_threads(1)

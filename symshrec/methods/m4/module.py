@@ -1,0 +1,63 @@
+"""M4 as a SymmetryMethod: nothing to train, on the CPU in one process or several, or on a GPU."""
+
+from torch import Tensor
+
+from symshrec.batch import Batch
+from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.m4.detection import M4Settings, detect_planes
+from symshrec.methods.pool import DetectionPool, detect_named
+from symshrec.planes import Planes
+
+
+class M4(SymmetryMethod):
+    """Training-free detection.
+
+    Args:
+        points ... steepness: see `M4Settings`.
+        count_threshold: confidence from which on a plane counts as found, in the count accuracy.
+        workers: processes for `detect_batch` on the CPU; 0 and 1 work in this one. A cloud's planes do not depend on
+            their number.
+
+    Raises:
+        ValueError: naming the argument that is out of its range.
+    """
+
+    def __init__(
+        self,
+        points: int = 8192,
+        neighbours: int = 12,
+        directions: int = 1500,
+        candidates: int = 40,
+        separation_deg: float = 5.0,
+        max_planes: int = 40,
+        together: bool = True,
+        middle_misfit: float = 0.16,
+        steepness: float = 40.0,
+        count_threshold: float = 0.5,
+        workers: int = 0,
+    ):
+        super().__init__(count_threshold)
+        self.settings = M4Settings(
+            points, neighbours, directions, candidates, separation_deg, max_planes, together, middle_misfit, steepness
+        )
+        self.pool = DetectionPool(detect_planes, workers)
+
+    def detect(self, points: Tensor) -> Planes:
+        """The planes of one cloud (N, 3), computed where the points lie; see `detect_planes` for what it raises."""
+        return detect_planes(points, self.settings)
+
+    def detect_batch(self, batch: Batch) -> list[Planes]:
+        """The planes of every cloud, in order.
+
+        Raises:
+            ValueError, RuntimeError: naming the cloud that failed.
+        """
+        clouds = batch.clouds
+        if batch.points.device.type != "cpu":
+            named = zip(batch.names, clouds, strict=True)
+            return [detect_named(detect_planes, name, cloud, self.settings) for name, cloud in named]
+        return self.pool.detect(batch.names, [cloud.detach().numpy() for cloud in clouds], self.settings)
+
+    def teardown(self, stage: str) -> None:
+        """End the worker processes; Lightning calls this at the end of a run."""
+        self.pool.close()

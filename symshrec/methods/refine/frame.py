@@ -1,0 +1,102 @@
+"""M4 step 1: a cloud put into a frame of its own: checked, centred, scaled, in an order that its points alone decide."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from symshrec.planes import Planes
+
+FEWEST_POINTS = 4
+COLLINEAR = 1e-5  # of the spread: a cloud thinner than this in two directions is a straight line
+MIXERS = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)  # odd constants of splitmix and xxHash
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """points (N, 3) float32 about 0, sized so that their spread is that of a box of diagonal 1; x ↦ scale x + centre.
+
+    Any prefix of the points is a random sample of the cloud that does not depend on the order they came in.
+    """
+
+    points: Tensor
+    centre: np.ndarray
+    scale: float
+
+    def prefix(self, count: int) -> Tensor:
+        """Rows of the first `count` points, or of all."""
+        return torch.arange(min(count, len(self.points)), device=self.points.device)
+
+    def planes(self, normals: Tensor, offsets: Tensor, confidences: Tensor | np.ndarray) -> Planes:
+        """Planes n·x = offset of this frame, in the cloud's own coordinates, through the points nearest its centre."""
+        normals, offsets = normals.double().cpu().numpy(), offsets.double().cpu().numpy()
+        confidences = np.asarray(torch.as_tensor(confidences).cpu(), dtype=np.float64)
+        return Planes(normals, normals * offsets[:, None], confidences).transformed(
+            scale=self.scale, translation=self.centre
+        )
+
+    def of(self, planes: Planes) -> tuple[Tensor, Tensor]:
+        """Normals (K, 3) and offsets (K,) float32 in this frame of planes in the cloud's coordinates."""
+        here = planes.transformed(scale=1 / self.scale, translation=-self.centre / self.scale)
+        device = self.points.device
+        return torch.tensor(here.normals).float().to(device), torch.tensor(here.offsets).float().to(device)
+
+
+def checked(points) -> np.ndarray:
+    """(N, 3) float64, from an array or tensor.
+
+    Raises:
+        ValueError: for a wrong shape or values that are not finite.
+    """
+    points = points.detach().cpu().numpy() if isinstance(points, Tensor) else points
+    points = np.asarray(points)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f"points have shape {points.shape}, expected (N, 3)")
+    if not np.isfinite(points).all():
+        raise ValueError(f"point {int(np.argwhere(~np.isfinite(points))[0, 0])} is not finite")
+    return points.astype(np.float64)
+
+
+def frame_of(points, most: int) -> Frame | None:
+    """The frame of (N, 3) points, at most `most` of them kept, coincident ones once.
+
+    Returns:
+        None where fewer than four distinct points are left, or all lie on a straight line.
+
+    Raises:
+        ValueError: for a wrong shape or values that are not finite.
+    """
+    device = points.device if isinstance(points, Tensor) else torch.device("cpu")
+    points = checked(points)
+    if len(points) < FEWEST_POINTS:
+        return None
+    kept, centre = _ordered(points, most), None
+    centre = kept.mean(0)
+    centred = kept - centre
+    scale = float(np.sqrt(12 * np.square(centred).sum(1).mean()))
+    if len(kept) < FEWEST_POINTS or scale <= 1e-12 * np.abs(centre).max():
+        return None
+    spread = np.linalg.eigvalsh(centred.T @ centred)
+    if spread[1] <= COLLINEAR**2 * spread[2]:
+        return None
+    return Frame(torch.from_numpy((centred / scale).astype(np.float32)).to(device), centre, scale)
+
+
+def _ordered(points: np.ndarray, most: int) -> np.ndarray:
+    """The distinct points with the `most` smallest hashes of their coordinates, by hash."""
+    keys = _hashes(points)
+    if len(points) > 4 * most:  # repetitions share a hash, so look a little further than needed
+        few = np.flatnonzero(keys <= np.partition(keys, 4 * most)[4 * most])
+        points, keys = points[few], keys[few]
+    keys, first = np.unique(keys, return_index=True)
+    return points[first[:most]]
+
+
+def _hashes(points: np.ndarray) -> np.ndarray:
+    bits = (points + 0.0).view(np.uint64)  # + 0.0 makes −0 and 0 one
+    keys = np.zeros(len(points), np.uint64)
+    for axis, mixer in enumerate(MIXERS):
+        keys = (keys ^ bits[:, axis]) * np.uint64(mixer)
+        keys ^= keys >> np.uint64(29)
+    return keys * np.uint64(MIXERS[0]) ^ (keys >> np.uint64(32))

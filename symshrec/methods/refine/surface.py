@@ -1,0 +1,115 @@
+"""M4 step 4: the local planes of a cloud by re-weighted PCA, and how surely each point lies on the surface."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+SURFACE_SCALES = (0.02, 0.01, 0.005, 0.003)
+CELLS = 1 << 25  # distances held at once where no kd-tree is used
+PARALLEL_ROWS = 1e-14  # squared length, relative to the trace, below which a matrix has no single smallest eigenvector
+
+
+class Neighbours:
+    """Nearest neighbours among (N, 3) points: a kd-tree on the CPU, all distances in chunks on other devices."""
+
+    def __init__(self, points: Tensor):
+        self.points = points
+        self.tree = None
+        if points.device.type == "cpu":
+            self.tree = cKDTree(points.numpy(), leafsize=12, balanced_tree=False, compact_nodes=False)
+
+    def query(self, queries: Tensor, count: int) -> tuple[Tensor, Tensor]:
+        """Distances and indices (..., count) of the nearest points to (..., 3) queries, nearest first."""
+        shape = (*queries.shape[:-1], count)
+        if self.tree is not None:
+            distances, nearest = self.tree.query(queries.numpy(), count)
+            distances, nearest = np.reshape(distances, shape), np.reshape(nearest, shape)
+            return torch.from_numpy(distances).to(queries.dtype), torch.from_numpy(nearest)
+        rows = max(1, CELLS // len(self.points))
+        found = [
+            torch.cdist(part, self.points).topk(count, largest=False) for part in queries.reshape(-1, 3).split(rows)
+        ]
+        distances, nearest = (torch.cat(column).reshape(shape) for column in zip(*found, strict=True))
+        return distances, nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """N points and what surrounds them.
+
+    points (N, 3) float32. anchors, normals (N, 3): a point and the unit normal of the local plane. certainty (N,) in
+    [0, 1]: how surely the point lies on the surface, from its distance to the local plane and from how many of its
+    neighbours lie in it. nearest (N, k): neighbours, nearest first, the point itself among them; spacing (N,): distance
+    to the nearest other point.
+    """
+
+    points: Tensor
+    anchors: Tensor
+    normals: Tensor
+    certainty: Tensor
+    nearest: Tensor
+    spacing: Tensor
+    neighbours: Neighbours
+
+
+def local_surface(points: Tensor, neighbours: int, scales: tuple[float, ...]) -> Surface:
+    """Local planes by PCA over the nearest points, re-weighted by (1 + (distance / scale)²)⁻² at each of the scales.
+
+    Args:
+        points: (N, 3) float32, N at least 2.
+        neighbours: points in each local plane, itself included; N where that is less.
+        scales: falling; the last is about the distance that is still called on the surface.
+    """
+    lookup = Neighbours(points)
+    distances, nearest = lookup.query(points, min(neighbours, len(points)))
+    x, y, z = (points[nearest] - points[:, None]).unbind(-1)  # (N, k) each
+    weights = torch.ones_like(x)
+    for scale in scales:
+        total = weights.sum(1)
+        means = torch.stack([(weights * each).sum(1) / total for each in (x, y, z)], 1)
+        u, v, w = x - means[:, :1], y - means[:, 1:2], z - means[:, 2:]
+        wu, wv = weights * u, weights * v
+        entries = (wu * u, wu * v, wu * w, wv * v, wv * w, weights * w * w)
+        normals = smallest_eigenvectors(torch.stack([each.sum(1) for each in entries], 0).double()).to(points.dtype)
+        heights = u * normals[:, :1] + v * normals[:, 1:2] + w * normals[:, 2:]
+        weights = falling(heights / scale)
+    own = (means * normals).sum(1) / scales[-1]
+    return Surface(points, points + means, normals, falling(own) * weights.mean(1), nearest, distances[:, 1], lookup)
+
+
+def falling(ratios: Tensor) -> Tensor:
+    """Geman and McClure's weight (1 + r²)⁻² of residuals r in units of the scale."""
+    return (1 + ratios.square()).square().reciprocal()
+
+
+def smallest_eigenvectors(entries: Tensor) -> Tensor:
+    """Unit eigenvectors (N, 3) of the smallest eigenvalues of symmetric 3 × 3 matrices, in closed form.
+
+    Args:
+        entries: (6, N) float64: xx, xy, xz, yy, yz, zz.
+
+    Returns:
+        Where the smallest eigenvalue is not single, some unit vector.
+    """
+    entries = entries / (entries[0] + entries[3] + entries[5]).clamp_min(1e-300)
+    xx, xy, xz, yy, yz, zz = entries
+    xx, yy, zz = xx - 1 / 3, yy - 1 / 3, zz - 1 / 3
+    spread = ((xx * xx + yy * yy + zz * zz + 2 * (xy * xy + xz * xz + yz * yz)) / 6).sqrt().clamp_min(1e-30)
+    determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    angle = torch.acos((determinant / (2 * spread**3)).clamp(-1, 1)) / 3
+    smallest = 2 * spread * torch.cos(angle + 2 * torch.pi / 3)
+    xx, yy, zz = xx - smallest, yy - smallest, zz - smallest
+    crosses = torch.stack(  # (pairs of rows, coordinates, N): parallel to the eigenvector, the longest most exactly
+        [xy * yz - xz * yy, xz * xy - xx * yz, xx * yy - xy * xy,
+         xy * zz - xz * yz, xz * xz - xx * zz, xx * yz - xy * xz,
+         yy * zz - yz * yz, yz * xz - xy * zz, xy * yz - yy * xz]
+    ).reshape(3, 3, -1)  # fmt: skip
+    squared = crosses.square().sum(1)
+    best = squared.argmax(0)
+    vectors = crosses.gather(0, best.expand(1, 3, -1))[0].T
+    lengths = squared.amax(0).sqrt()[:, None]
+    upwards = torch.tensor([0.0, 0.0, 1.0], dtype=entries.dtype, device=entries.device)
+    return torch.where(lengths > PARALLEL_ROWS, vectors / lengths.clamp_min(1e-300), upwards)
