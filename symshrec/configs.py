@@ -91,6 +91,23 @@ class M3Config(MethodConfig):
 
 
 @dataclass
+class M4Config(MethodConfig):
+    """Our training-free detector; see symshrec.methods.m4.detection.M4Settings."""
+
+    _target_: str = "symshrec.methods.m4.module.M4"
+    name: str = "m4"
+    points: int = 8192
+    neighbours: int = 12
+    directions: int = 1500
+    candidates: int = 40
+    separation_deg: float = 5.0
+    max_planes: int = 40
+    together: bool = True
+    middle_misfit: float = 0.16
+    steepness: float = 40.0
+
+
+@dataclass
 class ToleranceConfig:
     """Angles in degrees and distances as shares of the diagonal; every pair is scored (§2.3)."""
 
@@ -146,7 +163,7 @@ class Config:
     tables: list[str] = field(default_factory=list)
 
 
-METHODS = {"m3": M3Config}
+METHODS = {"m3": M3Config, "m4": M4Config}
 
 
 def conf_folder() -> Path:

@@ -16,6 +16,7 @@ from torch import Tensor
 from symshrec.configs import conf_folder, load
 from symshrec.methods import DEFAULT
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.refine import refine_planes
 from symshrec.planes import Planes
 
 MOST_POINTS = 100_000  # that a method is given, unless told
@@ -68,7 +69,8 @@ def detect(
     device = points.device if isinstance(points, Tensor) else torch.device("cpu")
     with torch.no_grad():
         seen = torch.from_numpy(frame.normalised(max_points)).to(device)
-        found = detector.to(device).eval().detect(seen).ranked()
+        found = detector.to(device).eval().detect(seen)
+        found = (refine_planes(seen, found).planes if detector.refine else found).ranked()
     planes = frame.restored(found[found.confidences >= threshold][:max_planes])
     return _as_tensors(planes, points) if isinstance(points, Tensor) else planes
 

@@ -60,7 +60,7 @@ def evaluate(config: DictConfig) -> dict:
         return finished
     (folder / "metrics.json").unlink(missing_ok=True)
     store = _store(folder / "predictions", key)
-    method.known = dict(store.items())
+    method.known, method.detected = dict(store.items()), _unrefined(config, data, method)
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
     _trainer(config, folder, keeper).test(method, datamodule=data, verbose=False)
@@ -108,6 +108,19 @@ class StorePredictions(Callback):
             self.store.append(
                 [batch.positions[row] for row in new], [batch.ids[row] for row in new], [outputs[row] for row in new]
             )
+
+
+def _unrefined(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> dict[int, Planes]:
+    """Of a run with refinement, the planes that the same run without it has left; none where there is no such run."""
+    plain = config.copy()
+    plain.method.refine = False
+    folder = Path(plain.folder) / "predictions"
+    if not config.method.refine or plain.folder == config.folder or not folder.is_dir():
+        return {}
+    try:
+        return dict(PredictionStore(folder, prediction_key(plain, data, method)).items())
+    except PredictionFileError:
+        return {}
 
 
 def _store(folder: Path, key: str) -> PredictionStore:

@@ -1,7 +1,7 @@
 """What every method is: a LightningModule that turns clouds into planes, with the only test step there is."""
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from lightning import LightningModule
 from torch import Tensor
@@ -28,6 +28,7 @@ class SymmetryMethod(LightningModule):
         self.count_threshold, self.refine = count_threshold, refine
         self.test_metric: SymmetryMetric | None = None
         self.known: Mapping[int, Planes] = {}
+        self.detected: Mapping[int, Planes] = {}
 
     @abstractmethod
     def detect(self, points: Tensor) -> Planes:
@@ -48,8 +49,11 @@ class SymmetryMethod(LightningModule):
         return [self.detect(points) for points in batch.clouds]
 
     def planes_of(self, batch: Batch) -> list[Planes]:
-        """What the method answers for every cloud of a batch: its planes, refined where asked."""
-        found = self.detect_batch(batch)
+        """What the method answers for every cloud of a batch: its planes, refined where asked.
+
+        Planes `detected` by position in an earlier run without refinement are taken from there.
+        """
+        found = _filled(batch, self.detected, self.detect_batch)
         if not self.refine:
             return found
         return [refine_planes(points, planes).planes for points, planes in zip(batch.clouds, found, strict=True)]
@@ -71,8 +75,13 @@ class SymmetryMethod(LightningModule):
         Returns:
             The planes of every cloud, for callbacks to store and show.
         """
-        missing = [row for row, position in enumerate(batch.positions) if position not in self.known]
-        found = dict(zip(missing, self.planes_of(batch.select(missing)) if missing else (), strict=True))
-        planes = [found[row] if row in found else self.known[at] for row, at in enumerate(batch.positions)]
+        planes = _filled(batch, self.known, self.planes_of)
         self.test_metric.update(planes, batch.truth, batch.diagonals, batch.labels, batch.positions)
         return planes
+
+
+def _filled(batch: Batch, known: Mapping[int, Planes], work: Callable[[Batch], list[Planes]]) -> list[Planes]:
+    """Planes of every cloud of a batch: those `known` by position, and of the rest what `work` finds."""
+    missing = [row for row, position in enumerate(batch.positions) if position not in known]
+    found = dict(zip(missing, work(batch.select(missing)) if missing else (), strict=True))
+    return [found[row] if row in found else known[at] for row, at in enumerate(batch.positions)]
