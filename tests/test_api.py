@@ -12,7 +12,7 @@ from symshrec.detection import STRAIGHT, named_method
 from symshrec.methods.base import SymmetryMethod
 from symshrec.planes import Planes, axis_angles
 
-METHOD = "m3"
+METHOD = "m4"
 BOX = np.array([1.0, 2.0, 3.0])
 ROTATION = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
 
@@ -122,7 +122,7 @@ def test_a_method_by_name_takes_its_arguments_and_is_made_once():
 def test_the_planes_of_a_turned_box(given):
     points = box_points() @ ROTATION.T * 5 + 70
     normals, places, confidences = (
-        np.asarray(getattr(symshrec.detect(given(points), METHOD, neighbours=40), name))
+        np.asarray(getattr(symshrec.detect(given(points), METHOD), name))
         for name in ("normals", "points", "confidences")
     )
     angles = np.degrees(axis_angles(normals, ROTATION.T)).min(axis=1)
@@ -135,7 +135,7 @@ def test_the_planes_of_a_turned_box(given):
 @pytest.mark.parametrize("name", ["sphere", "cylinder", "patch", "duplicates"])
 def test_special_shapes_have_planes_through_their_middle(name):
     points = special(name)
-    planes = symshrec.detect(points + 10, METHOD, neighbours=60)
+    planes = symshrec.detect(points + 10, METHOD)
     middle, diagonal = (points.min(0) + points.max(0)) / 2 + 10, np.linalg.norm(np.ptp(points, axis=0))
     assert len(planes)
     heights = np.einsum("kd,kd->k", planes.normals, planes.points - middle)
