@@ -11,6 +11,7 @@ from symshrec.methods.refine.coupling import find_relations, images_of_planes
 from symshrec.methods.refine.ends import with_ends
 from symshrec.methods.refine.frame import frame_of
 from symshrec.methods.refine.misfit import misfit
+from symshrec.methods.refine.sharpening import sharpened
 from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
 from symshrec.planes import Planes
 
@@ -24,11 +25,12 @@ FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a sha
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """points: most points used of a cloud. neighbours: points in a local plane. together: as in `M4Settings`."""
+    """points: most points used of a cloud. neighbours: points in a local plane. together, rounds: as in `M4Settings`."""
 
     points: int = 8192
     neighbours: int = 12
     together: bool = True
+    rounds: int = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,10 @@ def _refined(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor, s
         pairs = Pairs(surface, rows, matches)
         for scale in FINAL_SCALES:
             here, there, blind = moved(pairs, here, there, scale, 1e-6, relations)
-        normals[part], offsets[part] = here, with_ends(surface, here, there, blind)
+        there = with_ends(surface, here, there, blind)
+        if part is tied:
+            here, there = sharpened(surface, here, there, relations, settings.rounds)
+        normals[part], offsets[part] = here, there
     return normals, offsets
 
 
