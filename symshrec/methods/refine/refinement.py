@@ -25,7 +25,7 @@ FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a sha
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """points: most points used of a cloud. neighbours: points in a local plane. together, rounds: as in `M4Settings`."""
+    """points: most used of a cloud. neighbours: points in a local plane. together, rounds: as in `M4Settings`."""
 
     points: int = 8192
     neighbours: int = 12
@@ -37,7 +37,7 @@ class RefineSettings:
 class Refined:
     """planes: K refined planes, in the order and with the confidences given.
 
-    residuals (K,): mean distance of the mirrored points from the local plane at the nearest point, in the cloud's units.
+    residuals (K,): mean distance of mirrored points from the local plane at the nearest point, in the cloud's units.
     kept (K,) bool: where the given plane fitted better than any other found and was kept.
     """
 
@@ -121,7 +121,7 @@ def _best_start(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor
 
 
 def _replaced(surface: Surface, normals, offsets, misfits, coarse: Tensor, fine: Tensor):
-    """Planes that do not fit yet replaced by the images of those that do in each other, where these are near and fit."""
+    """Planes that do not fit yet replaced by images of those that do in each other, where these are near and fit."""
     good = misfits < TIED_MISFIT
     if good.all() or good.sum() < 2:
         return normals, offsets, misfits
