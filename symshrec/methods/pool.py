@@ -12,7 +12,6 @@ from threadpoolctl import threadpool_limits
 from symshrec.planes import Planes
 from symshrec.workers import end_with_parent, main_left_out
 
-
 Detect = Callable[[np.ndarray, object], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
 
 

@@ -67,14 +67,13 @@ def test_planes_of_a_box_and_its_centre():
 
 def test_offset_of_a_cylinder_comes_from_its_ends():
     rng = np.random.default_rng(2)
-    u, z = rng.uniform(-np.pi, np.pi, 3000), rng.uniform(-1, 1, 3000) ** 2 * 2  # denser near z = 0
+    u = rng.uniform(-np.pi, np.pi, 3000)
     radius = (2 + np.cos(3 * u)) / 3
     points = np.stack([radius * np.cos(u), radius * np.sin(u), rng.uniform(0, 2, 3000)], axis=1)
     planes = sure(detect_planes(points))
     middle = planes[np.abs(planes.normals[:, 2]) > 0.99]
     assert len(middle) == 1
     assert middle.points[0] @ middle.normals[0] * np.sign(middle.normals[0, 2]) == pytest.approx(1.0, abs=0.005)
-    assert z.max() <= 2
 
 
 def test_order_changes_nothing_and_pose_next_to_nothing():

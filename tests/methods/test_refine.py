@@ -18,7 +18,7 @@ def wavy_cone(count=2500, seed=0, noise=0.0):
     radius = (2 + np.cos(3 * u)) / 3
     points = np.stack([s * radius * np.cos(u), s * radius * np.sin(u), 1.3 * s], axis=1)
     points[::2] += noise * rng.normal(size=points[::2].shape)
-    return points + [5, 0, 0]
+    return points + np.array([5, 0, 0])
 
 
 def truth():

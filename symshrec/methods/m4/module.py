@@ -31,6 +31,7 @@ class M4(SymmetryMethod):
         separation_deg: float = 5.0,
         max_planes: int = 40,
         together: bool = True,
+        rounds: int = 2,
         middle_misfit: float = 0.16,
         steepness: float = 40.0,
         count_threshold: float = 0.5,
@@ -38,7 +39,16 @@ class M4(SymmetryMethod):
     ):
         super().__init__(count_threshold)
         self.settings = M4Settings(
-            points, neighbours, directions, candidates, separation_deg, max_planes, together, middle_misfit, steepness
+            points=points,
+            neighbours=neighbours,
+            directions=directions,
+            candidates=candidates,
+            separation_deg=separation_deg,
+            max_planes=max_planes,
+            together=together,
+            rounds=rounds,
+            middle_misfit=middle_misfit,
+            steepness=steepness,
         )
         self.pool = DetectionPool(detect_planes, workers)
 

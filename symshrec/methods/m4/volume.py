@@ -1,4 +1,4 @@
-"""M4 steps 1 and 3: volumes around a cloud, one of its density and one of the nearest point, looked up without a tree."""
+"""M4 steps 1 and 3: volumes around a cloud, of its density and of the nearest point, looked up without a tree."""
 
 import torch
 from torch import Tensor
@@ -53,7 +53,7 @@ def look_up(volume: Tensor, points: Tensor, half_width: float, size: int) -> Ten
 
 
 def nearest_volume(points: Tensor, half_width: float, size: int, reach: int) -> Tensor:
-    """Index of about the nearest of (N, 3) points for every cell within `reach` cells of one, else OUTSIDE: (size³,)."""
+    """Index of about the nearest of (N, 3) points for each cell within `reach` cells of one, else OUTSIDE: (size³,)."""
     cell = 2 * half_width / size
     own = ((points + half_width) / cell).floor().long()
     steps = torch.arange(-reach, reach + 1, device=points.device)

@@ -1,6 +1,6 @@
 """M4 step 4: mirror planes of one object form a reflection group; its relations tie the planes' estimates together.
 
-If a cloud is symmetric about planes j and k, it is symmetric about the image of k in j. Where that image is near another
+A cloud symmetric about planes j and k is symmetric about the image of k in j. Where that image is near another
 plane l of the set, the relation "the image of k in j is l" is one more equation for all three.
 """
 
@@ -13,7 +13,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Relations:
-    """R relations: the image of plane `second` in plane `mirror` is plane `image`, its normal times `sign`; (R,) each."""
+    """R relations: the image of `second` in `mirror` is plane `image`, its normal times `sign`; (R,) each."""
 
     mirror: Tensor
     second: Tensor
@@ -75,7 +75,7 @@ def relation_system(relations: Relations, normals: Tensor, offsets: Tensor, basi
 
 
 def closure(normals: Tensor, offsets: Tensor, separation_deg: float, most: int) -> tuple[Tensor, Tensor]:
-    """Images of planes (K, 3), (K,) in one another that are over `separation_deg` (degrees) from all and from each other.
+    """Images of planes (K, 3), (K,) in one another that are over `separation_deg` from all and each other.
 
     Returns:
         At most `most` normals and offsets, the images in the first planes first.

@@ -1,6 +1,6 @@
 """M4 step 4: the offset of a plane that the surface slides along, from the two ends of the cloud.
 
-A cylinder looks the same from its mid-plane and from one beside it, but for where it ends. The offset then is the middle
+A cylinder looks the same from its mid-plane and from one beside it, but for its ends. The offset then is the middle
 of two change points of the density along the normal, each by maximum likelihood.
 """
 
@@ -24,7 +24,6 @@ def _upper_end(heights: Tensor, weights: Tensor) -> Tensor:
     mass = weights.cumsum(0)
     low, high = (torch.searchsorted(mass, mass[-1] * share) for share in (0.02, 0.98))
     window = WINDOW * (heights[high] - heights[low])
-    from_ = torch.searchsorted(heights, heights[-1] - 2 * window)
     first = torch.searchsorted(heights, heights[high] - window)
     candidates = torch.arange(int(first), len(heights))
     edge = heights[candidates]

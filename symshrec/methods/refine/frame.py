@@ -1,4 +1,4 @@
-"""M4 step 1: a cloud put into a frame of its own: checked, centred, scaled, in an order that its points alone decide."""
+"""M4 step 1: a cloud in a frame of its own: checked, centred, scaled, in an order that its points alone decide."""
 
 from dataclasses import dataclass
 

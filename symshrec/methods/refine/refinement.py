@@ -11,6 +11,7 @@ from symshrec.methods.refine.coupling import find_relations, images_of_planes
 from symshrec.methods.refine.ends import with_ends
 from symshrec.methods.refine.frame import frame_of
 from symshrec.methods.refine.misfit import misfit
+from symshrec.methods.refine.sharpening import sharpened
 from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
 from symshrec.planes import Planes
 
@@ -24,18 +25,19 @@ FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a sha
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """points: most points used of a cloud. neighbours: points in a local plane. together: as in `M4Settings`."""
+    """points: most used of a cloud. neighbours: points in a local plane. together, rounds: as in `M4Settings`."""
 
     points: int = 8192
     neighbours: int = 12
     together: bool = True
+    rounds: int = 2
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
     """planes: K refined planes, in the order and with the confidences given.
 
-    residuals (K,): mean distance of the mirrored points from the local plane at the nearest point, in the cloud's units.
+    residuals (K,): mean distance of mirrored points from the local plane at the nearest point, in the cloud's units.
     kept (K,) bool: where the given plane fitted better than any other found and was kept.
     """
 
@@ -98,7 +100,10 @@ def _refined(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor, s
         pairs = Pairs(surface, rows, matches)
         for scale in FINAL_SCALES:
             here, there, blind = moved(pairs, here, there, scale, 1e-6, relations)
-        normals[part], offsets[part] = here, with_ends(surface, here, there, blind)
+        there = with_ends(surface, here, there, blind)
+        if part is tied:
+            here, there = sharpened(surface, here, there, relations, settings.rounds)
+        normals[part], offsets[part] = here, there
     return normals, offsets
 
 
@@ -116,7 +121,7 @@ def _best_start(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor
 
 
 def _replaced(surface: Surface, normals, offsets, misfits, coarse: Tensor, fine: Tensor):
-    """Planes that do not fit yet replaced by the images of those that do in each other, where these are near and fit."""
+    """Planes that do not fit yet replaced by images of those that do in each other, where these are near and fit."""
     good = misfits < TIED_MISFIT
     if good.all() or good.sum() < 2:
         return normals, offsets, misfits

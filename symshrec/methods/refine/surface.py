@@ -1,6 +1,6 @@
 """M4 step 4: the local planes of a cloud by re-weighted PCA, and how surely each point lies on the surface."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -65,7 +65,32 @@ def local_surface(points: Tensor, neighbours: int, scales: tuple[float, ...]) ->
     """
     lookup = Neighbours(points)
     distances, nearest = lookup.query(points, min(neighbours, len(points)))
-    x, y, z = (points[nearest] - points[:, None]).unbind(-1)  # (N, k) each
+    normals, means, certainty = _local_planes(points[nearest] - points[:, None], scales)
+    return Surface(points, points + means, normals, certainty, nearest, distances[:, 1], lookup)
+
+
+def symmetrised(surface: Surface, images: Tensor, mirror_back, neighbours: int, scales: tuple[float, ...]) -> Surface:
+    """The surface with local planes that count the mirrored cloud's points as neighbours as well.
+
+    Every symmetry adds a sample of the same surface, so exact points stand out more clearly from noisy ones. Planes go
+    through the points themselves, which makes the alignment that follows blind to where the images were.
+
+    Args:
+        images: (K, N, 3), the points mirrored across K planes of symmetry.
+        mirror_back: maps points (K, N, n, 3) across the same planes.
+        neighbours: n, points taken from each mirrored cloud.
+    """
+    points = surface.points
+    _, nearest = surface.neighbours.query(images, min(neighbours, len(points)))  # (K, N, n)
+    others = mirror_back(points[nearest]).permute(1, 0, 2, 3).reshape(len(points), -1, 3)
+    around = torch.cat([points[surface.nearest], others], 1) - points[:, None]
+    normals, _, certainty = _local_planes(around, scales)
+    return replace(surface, anchors=points, normals=normals, certainty=certainty)
+
+
+def _local_planes(around: Tensor, scales: tuple[float, ...]) -> tuple[Tensor, Tensor, Tensor]:
+    """Normals (N, 3), points of the planes (N, 3) and certainties (N,) from the neighbours' places (N, k, 3)."""
+    x, y, z = around.unbind(-1)  # (N, k) each
     weights = torch.ones_like(x)
     for scale in scales:
         total = weights.sum(1)
@@ -73,11 +98,11 @@ def local_surface(points: Tensor, neighbours: int, scales: tuple[float, ...]) ->
         u, v, w = x - means[:, :1], y - means[:, 1:2], z - means[:, 2:]
         wu, wv = weights * u, weights * v
         entries = (wu * u, wu * v, wu * w, wv * v, wv * w, weights * w * w)
-        normals = smallest_eigenvectors(torch.stack([each.sum(1) for each in entries], 0).double()).to(points.dtype)
+        normals = smallest_eigenvectors(torch.stack([each.sum(1) for each in entries], 0).double()).to(around.dtype)
         heights = u * normals[:, :1] + v * normals[:, 1:2] + w * normals[:, 2:]
         weights = falling(heights / scale)
     own = (means * normals).sum(1) / scales[-1]
-    return Surface(points, points + means, normals, falling(own) * weights.mean(1), nearest, distances[:, 1], lookup)
+    return normals, means, falling(own) * weights.mean(1)
 
 
 def falling(ratios: Tensor) -> Tensor:
