@@ -103,6 +103,7 @@ class M4Config(MethodConfig):
     separation_deg: float = 5.0
     max_planes: int = 40
     together: bool = True
+    rounds: int = 2
     middle_misfit: float = 0.16
     steepness: float = 40.0
 

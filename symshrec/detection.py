@@ -16,7 +16,7 @@ from torch import Tensor
 from symshrec.configs import conf_folder, load
 from symshrec.methods import DEFAULT
 from symshrec.methods.base import SymmetryMethod
-from symshrec.methods.refine import refine_planes
+from symshrec.methods.refine import refined
 from symshrec.planes import Planes
 
 MOST_POINTS = 100_000  # that a method is given, unless told
@@ -70,7 +70,7 @@ def detect(
     with torch.no_grad():
         seen = torch.from_numpy(frame.normalised(max_points)).to(device)
         found = detector.to(device).eval().detect(seen)
-        found = (refine_planes(seen, found).planes if detector.refine else found).ranked()
+        found = (refined(seen, found) if detector.refine else found).ranked()
     planes = frame.restored(found[found.confidences >= threshold][:max_planes])
     return _as_tensors(planes, points) if isinstance(points, Tensor) else planes
 
@@ -151,10 +151,9 @@ def _made(name: str, arguments: str) -> SymmetryMethod:
 
 
 def method_of(config: DictConfig) -> SymmetryMethod:
-    """The method that `config.method` describes, told whether to refine its planes."""
-    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key not in ("name", "refine")])
+    """The method that `config.method` describes."""
+    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
     method = instantiate(arguments, _convert_="all")
-    method.refine = config.method.refine
     method.hparams.update(OmegaConf.to_container(config.method, resolve=True))
     return method
 

@@ -13,7 +13,9 @@ from symshrec.evaluation import datamodule_of, method_of
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
-NEEDS = {"data/official": ["data.root=somewhere"]}
+M4 = ["method=m4"]
+NEEDS = {"data/official": ["data.root=somewhere"], "run/m4": M4, "run/sharp": M4, "run/fast": M4}
+ROWS = ("m3_r1", "m3_r2", "m4", "m4_fast", "m3_r1_refine", "m3_r2_refine")
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)
@@ -52,7 +54,7 @@ def test_a_refined_run_has_a_name_and_a_row_of_its_own(overrides):
 
 
 def test_the_rows_of_the_tables_are_runs_of_experiments_scored_at_both_tolerances():
-    rows = [load([f"experiment={name}"]) for name in ("m3_r1", "m3_r2", "m4", "m3_r1_refine", "m3_r2_refine")]
+    rows = [load([f"experiment={name}"]) for name in ROWS]
     assert [row.name for row in rows] == list(rows[0].tables)
     for row in rows:
         assert (list(row.tolerance.thetas_deg), list(row.tolerance.epsilons)) == ([1.0, 0.1], [0.01, 0.001])

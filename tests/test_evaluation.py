@@ -2,7 +2,6 @@
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -12,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from symshrec.evaluation import datamodule_of, evaluate, method_of, prediction_key
-from symshrec.methods import base
+from symshrec.evaluation import datamodule_of, evaluate
 from symshrec.metrics import evaluate as score
 from symshrec.planes import PackedPlanes
 from symshrec.predictions import load_predictions
@@ -61,23 +59,17 @@ def test_other_settings_do_not_reuse_old_predictions(smoke_config):
     assert other["seconds"]["detected_clouds"] == 12
 
 
-def test_refinement_is_another_run_and_no_part_of_the_others_key(smoke_config, tmp_path, monkeypatch):
-    config, refined = smoke_config(), smoke_config("method.refine=true")
-    data = datamodule_of(config)
-
-    def keys():
-        return [prediction_key(each, data, method_of(each)) for each in (config, refined)]
-
-    before = keys()
-    assert before[0] != before[1]
-    (tmp_path / "methods").mkdir()
-    for module in Path(base.__file__).parent.glob("*.py"):
-        shutil.copy(module, tmp_path / "methods")
-    monkeypatch.setattr(base, "__file__", str(tmp_path / "methods" / "base.py"))
-    assert keys() == before
-    (tmp_path / "methods" / "refine.py").write_text("another refinement")
-    assert keys()[0] == before[0]
-    assert keys()[1] != before[1]
+def test_a_refined_run_starts_from_the_planes_of_the_run_without(smoke_config, tmp_path, monkeypatch):
+    overrides = [*CHEAP, "data.limit=4", f"folder={tmp_path}/${{name}}"]
+    plain = evaluate(smoke_config(*overrides))
+    monkeypatch.setattr("symshrec.methods.m3.module.M3.detect_batch", lambda *_: pytest.fail("detected twice"))
+    refined = evaluate(smoke_config(*overrides, "method.refine=true"))
+    assert refined["key"] != plain["key"]
+    assert (plain["name"], refined["name"]) == ("M3 (R1)", "M3 (R1) + refine")
+    folders = (tmp_path / name / "predictions" / "predictions.safetensors" for name in ("m3_k200", "m3_k200_refine"))
+    before, after = (load_predictions(path).planes for path in folders)
+    np.testing.assert_array_equal(before.confidences, after.confidences)
+    assert not np.array_equal(before.normals, after.normals)
 
 
 def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_path):

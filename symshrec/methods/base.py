@@ -7,7 +7,8 @@ from lightning import LightningModule
 from torch import Tensor
 
 from symshrec.batch import Batch
-from symshrec.methods.refine import refine_planes
+from symshrec.methods.pool import DetectionPool, Find, detect_named
+from symshrec.methods.refine import refined
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -20,12 +21,15 @@ class SymmetryMethod(LightningModule):
 
     Args:
         count_threshold: planes of at least this confidence count as found in the count accuracy.
+        workers: processes for what is done cloud by cloud on the CPU; 0 and 1 work in this one. They start with the
+            first batch and end with the run. The planes do not depend on their number.
         refine: whether point-to-plane refinement follows detection (see `refine_planes`).
     """
 
-    def __init__(self, count_threshold: float = 0.5, refine: bool = False):
+    def __init__(self, count_threshold: float = 0.5, workers: int = 0, refine: bool = False):
         super().__init__()
         self.count_threshold, self.refine = count_threshold, refine
+        self.pool = DetectionPool(workers)
         self.test_metric: SymmetryMetric | None = None
         self.known: Mapping[int, Planes] = {}
         self.detected: Mapping[int, Planes] = {}
@@ -48,6 +52,17 @@ class SymmetryMethod(LightningModule):
         """The planes of every cloud of a batch, in order."""
         return [self.detect(points) for points in batch.clouds]
 
+    def cloud_by_cloud(self, find: Find, batch: Batch, others: Sequence) -> list[Planes]:
+        """find(cloud, other) for every cloud of a batch and its other argument: on the pool, or where the batch lies.
+
+        Raises:
+            ValueError, RuntimeError: naming the cloud that failed.
+        """
+        if batch.points.device.type == "cpu":
+            return self.pool.map(find, batch.names, [cloud.detach().numpy() for cloud in batch.clouds], others)
+        jobs = zip(batch.names, batch.clouds, others, strict=True)
+        return [detect_named(find, *job) for job in jobs]
+
     def planes_of(self, batch: Batch) -> list[Planes]:
         """What the method answers for every cloud of a batch: its planes, refined where asked.
 
@@ -56,7 +71,7 @@ class SymmetryMethod(LightningModule):
         found = _filled(batch, self.detected, self.detect_batch)
         if not self.refine:
             return found
-        return [refine_planes(points, planes).planes for points, planes in zip(batch.clouds, found, strict=True)]
+        return self.cloud_by_cloud(refined, batch, found)
 
     def measure_at(self, thetas_deg: Sequence[float], epsilons: Sequence[float]) -> None:
         """Choose the tolerances of the coming test: angles in degrees, distances as a share of the diagonal (§2.3)."""
@@ -64,6 +79,10 @@ class SymmetryMethod(LightningModule):
 
     def predict_step(self, batch: Batch, batch_idx: int) -> list[Planes]:
         return self.planes_of(batch)
+
+    def teardown(self, stage: str) -> None:
+        """End the worker processes; Lightning calls this at the end of a run, also after an error."""
+        self.pool.close()
 
     def on_test_start(self) -> None:
         if self.test_metric is None:

@@ -1,6 +1,7 @@
 """§3.3.1 Many clouds at once: a pool of single-threaded processes, kept from batch to batch."""
 
 import multiprocessing
+import os
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
@@ -12,10 +13,10 @@ from threadpoolctl import threadpool_limits
 from symshrec.planes import Planes
 from symshrec.workers import end_with_parent, main_left_out
 
-Detect = Callable[[np.ndarray, object], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
+Find = Callable[[np.ndarray, object], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
 
 
-def detect_named(detect: Detect, name: str, points: np.ndarray, settings) -> Planes:
+def detect_named(detect: Find, name: str, points: np.ndarray, settings) -> Planes:
     """`detect(points, settings)`, with the cloud's name in front of whatever it raises.
 
     Raises:
@@ -33,33 +34,34 @@ class DetectionPool:
     """`detect_named` over clouds, on processes that start with the first call and end with `close` or an error.
 
     Args:
-        detect: finds the planes of one cloud.
         workers: processes; 0 and 1 work in this one. The planes do not depend on their number.
 
     Raises:
         ValueError: for a negative number.
     """
 
-    def __init__(self, detect: Detect, workers: int):
+    def __init__(self, workers: int):
         if workers < 0:
             raise ValueError(f"workers is {workers}, expected 0 or more")
-        self.find, self.workers = detect, workers
+        self.workers = workers
         self._executor: ProcessPoolExecutor | None = None
 
-    def detect(self, names: Sequence[str], clouds: Sequence[np.ndarray], settings) -> list[Planes]:
-        """The planes of every cloud (N, 3), in order.
+    def map(self, find: Find, names: Sequence[str], clouds: Sequence, others: Sequence) -> list[Planes]:
+        """find(cloud, other) for every named cloud (N, 3) and its other argument, in order.
+
+        On several processes `find` is a function of a module, and clouds are arrays.
 
         Raises:
             ValueError, RuntimeError: as `detect_named`; RuntimeError too where a process died, naming the clouds lost.
         """
-        jobs = list(zip(names, clouds, strict=True))
+        jobs = list(zip(names, clouds, others, strict=True))
         if self.workers <= 1:
-            return [detect_named(self.find, name, cloud, settings) for name, cloud in jobs]
+            return [detect_named(find, *job) for job in jobs]
         futures = []
         try:
             with main_left_out():
-                for name, cloud in jobs:
-                    futures.append(self._running().submit(detect_named, self.find, name, cloud, settings))
+                for job in jobs:
+                    futures.append(self._running().submit(detect_named, find, *job))
             return [future.result() for future in futures]
         except BrokenExecutor as error:
             finished = [future.done() and not future.exception() for future in futures]
@@ -85,6 +87,7 @@ class DetectionPool:
 
 def _start() -> None:
     end_with_parent()
+    os.environ["OMP_NUM_THREADS"] = "1"  # of what is still to be imported; the rest is told
     threadpool_limits(1)
     if "torch" in sys.modules:
         sys.modules["torch"].set_num_threads(1)

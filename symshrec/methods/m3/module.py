@@ -5,7 +5,6 @@ from torch import Tensor
 from symshrec.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m3.detection import M3Settings, detect_planes
-from symshrec.methods.pool import DetectionPool
 from symshrec.planes import Planes
 
 
@@ -14,10 +13,7 @@ class M3(SymmetryMethod):
 
     Args:
         neighbours ... separation_deg: see `M3Settings`.
-        count_threshold: confidence from which on a plane counts as found, in the count accuracy.
-        workers: processes for `detect_batch`; 0 and 1 work in this one. They start with the first batch and end with
-            the run. A cloud's planes do not depend on their number.
-        refine: whether point-to-plane refinement follows.
+        count_threshold, workers, refine: see `SymmetryMethod`.
 
     Raises:
         ValueError: naming the argument that is out of its range.
@@ -36,24 +32,15 @@ class M3(SymmetryMethod):
         workers: int = 0,
         refine: bool = False,
     ):
-        super().__init__(count_threshold, refine)
+        super().__init__(count_threshold, workers, refine)
         self.settings = M3Settings(
             neighbours, eigenpairs, mollify, laplacian_neighbours, time_factor, chamfer_limit, separation_deg
         )
-        self.pool = DetectionPool(detect_planes, workers)
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3), computed in this process; see `detect_planes` for what it raises."""
         return detect_planes(points.detach().cpu().numpy(), self.settings)
 
     def detect_batch(self, batch: Batch) -> list[Planes]:
-        """The planes of every cloud, in order.
-
-        Raises:
-            ValueError, RuntimeError: naming the cloud that failed.
-        """
-        return self.pool.detect(batch.names, [cloud.detach().cpu().numpy() for cloud in batch.clouds], self.settings)
-
-    def teardown(self, stage: str) -> None:
-        """End the worker processes; Lightning calls this at the end of a run."""
-        self.pool.close()
+        """The planes of every cloud, in order; errors as in `cloud_by_cloud`."""
+        return self.cloud_by_cloud(detect_planes, batch.to("cpu"), [self.settings] * len(batch))

@@ -5,7 +5,6 @@ from torch import Tensor
 from symshrec.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m4.detection import M4Settings, detect_planes
-from symshrec.methods.pool import DetectionPool, detect_named
 from symshrec.planes import Planes
 
 
@@ -14,9 +13,7 @@ class M4(SymmetryMethod):
 
     Args:
         points ... steepness: see `M4Settings`.
-        count_threshold: confidence from which on a plane counts as found, in the count accuracy.
-        workers: processes for `detect_batch` on the CPU; 0 and 1 work in this one. A cloud's planes do not depend on
-            their number.
+        count_threshold, workers, refine: see `SymmetryMethod`.
 
     Raises:
         ValueError: naming the argument that is out of its range.
@@ -36,8 +33,9 @@ class M4(SymmetryMethod):
         steepness: float = 40.0,
         count_threshold: float = 0.5,
         workers: int = 0,
+        refine: bool = False,
     ):
-        super().__init__(count_threshold)
+        super().__init__(count_threshold, workers, refine)
         self.settings = M4Settings(
             points=points,
             neighbours=neighbours,
@@ -50,24 +48,11 @@ class M4(SymmetryMethod):
             middle_misfit=middle_misfit,
             steepness=steepness,
         )
-        self.pool = DetectionPool(detect_planes, workers)
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3), computed where the points lie; see `detect_planes` for what it raises."""
         return detect_planes(points, self.settings)
 
     def detect_batch(self, batch: Batch) -> list[Planes]:
-        """The planes of every cloud, in order.
-
-        Raises:
-            ValueError, RuntimeError: naming the cloud that failed.
-        """
-        clouds = batch.clouds
-        if batch.points.device.type != "cpu":
-            named = zip(batch.names, clouds, strict=True)
-            return [detect_named(detect_planes, name, cloud, self.settings) for name, cloud in named]
-        return self.pool.detect(batch.names, [cloud.detach().numpy() for cloud in clouds], self.settings)
-
-    def teardown(self, stage: str) -> None:
-        """End the worker processes; Lightning calls this at the end of a run."""
-        self.pool.close()
+        """The planes of every cloud, in order; errors as in `cloud_by_cloud`."""
+        return self.cloud_by_cloud(detect_planes, batch, [self.settings] * len(batch))

@@ -83,6 +83,11 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
     return Refined(exact, residuals, kept)
 
 
+def refined(points, planes: Planes) -> Planes:
+    """The planes of `refine_planes` alone."""
+    return refine_planes(points, planes).planes
+
+
 def _refined(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor, settings) -> tuple[Tensor, Tensor]:
     normals, offsets, misfits = _best_start(surface, normals, offsets, coarse, fine)
     if settings.together:
