@@ -91,10 +91,10 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
 
 
 class StorePredictions(Callback):
-    """Keeps every batch's new predictions on disk as they come, and the seconds they took."""
+    """Keeps every batch's new predictions on disk as they come, and the seconds they took, over all sessions of a run."""
 
     def __init__(self, store: PredictionStore):
-        self.store, self.seconds, self.detected = store, 0.0, 0
+        self.store, self.log = store, store.folder / "seconds.txt"
         self._started = 0.0
 
     def on_test_batch_start(self, trainer, method, batch, batch_idx, dataloader_idx=0) -> None:
@@ -103,11 +103,20 @@ class StorePredictions(Callback):
     def on_test_batch_end(self, trainer, method, outputs: list[Planes], batch: Batch, batch_idx, dataloader_idx=0):
         new = [row for row, position in enumerate(batch.positions) if position not in method.known]
         if new:
-            self.seconds += time.perf_counter() - self._started
-            self.detected += len(new)
             self.store.append(
                 [batch.positions[row] for row in new], [batch.ids[row] for row in new], [outputs[row] for row in new]
             )
+            with open(self.log, "a", encoding="ascii") as file:
+                file.write(f"{len(new)} {time.perf_counter() - self._started:.3f}\n")
+
+    def total(self) -> dict[str, int | float]:
+        """Clouds detected and wall-clock seconds spent on them, a cloud twice where a kill came between."""
+        lines = self.log.read_text(encoding="ascii").splitlines() if self.log.exists() else []
+        pairs = [line.split() for line in lines if len(line.split()) == 2]
+        return {
+            "detected_clouds": sum(int(clouds) for clouds, _ in pairs),
+            "wall": round(sum(float(seconds) for _, seconds in pairs), 3),
+        }
 
 
 def _unrefined(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> dict[int, Planes]:
@@ -170,7 +179,7 @@ def _record(config, folder: Path, data, method, store: PredictionStore, keeper: 
         "seed": config.seed,
         "weights": None,
         "hardware": hardware(),
-        "seconds": {"detected_clouds": keeper.detected, "wall": round(keeper.seconds, 3)},
+        "seconds": keeper.total(),
         "peak_memory_mib": peak_memory_mib(),
         "config_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
         "code": code_version(),

@@ -89,7 +89,7 @@ def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_pa
     kept = len(list((runs / "predictions").glob("part-*")))
     assert kept >= 3
     resumed = evaluate(smoke_config("data.batch_size=2", f"folder={runs}"))
-    assert resumed["seconds"]["detected_clouds"] <= 42 - 2 * 3
+    assert abs(resumed["seconds"]["detected_clouds"] - 42) <= 2  # all but the batch in hand counts once
     assert values(resumed) == values(whole)
     files = [folder / "predictions" / "predictions.safetensors" for folder in (runs, tmp_path / "run")]
     np.testing.assert_array_equal(*(load_predictions(path).planes.normals for path in files))
