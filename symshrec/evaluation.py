@@ -91,10 +91,10 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
 
 
 class StorePredictions(Callback):
-    """Keeps every batch's new predictions on disk as they come, and the seconds they took, over all sessions of a run."""
+    """Keeps every batch's new predictions on disk as they come, and the seconds they took in all sessions of a run."""
 
     def __init__(self, store: PredictionStore):
-        self.store, self.log = store, store.folder / "seconds.txt"
+        self.store, self.times = store, store.folder / "seconds.txt"
         self._started = 0.0
 
     def on_test_batch_start(self, trainer, method, batch, batch_idx, dataloader_idx=0) -> None:
@@ -106,12 +106,12 @@ class StorePredictions(Callback):
             self.store.append(
                 [batch.positions[row] for row in new], [batch.ids[row] for row in new], [outputs[row] for row in new]
             )
-            with open(self.log, "a", encoding="ascii") as file:
+            with open(self.times, "a", encoding="ascii") as file:
                 file.write(f"{len(new)} {time.perf_counter() - self._started:.3f}\n")
 
     def total(self) -> dict[str, int | float]:
         """Clouds detected and wall-clock seconds spent on them, a cloud twice where a kill came between."""
-        lines = self.log.read_text(encoding="ascii").splitlines() if self.log.exists() else []
+        lines = self.times.read_text(encoding="ascii").splitlines() if self.times.exists() else []
         pairs = [line.split() for line in lines if len(line.split()) == 2]
         return {
             "detected_clouds": sum(int(clouds) for clouds, _ in pairs),
