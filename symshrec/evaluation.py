@@ -23,6 +23,7 @@ from symshrec.provenance import code_version, hardware, peak_memory_mib, source_
 from symshrec.reporting.tensorboard import TensorBoardResults
 
 log = logging.getLogger(__name__)
+TIMES = "seconds.txt"  # beside the predictions: clouds and seconds of every batch
 NO_INFLUENCE = ("name", "workers")  # of a method's configuration, on what it predicts
 
 
@@ -94,7 +95,7 @@ class StorePredictions(Callback):
     """Keeps every batch's new predictions on disk as they come, and the seconds they took in all sessions of a run."""
 
     def __init__(self, store: PredictionStore):
-        self.store, self.times = store, store.folder / "seconds.txt"
+        self.store, self.times = store, store.folder / TIMES
         self._started = 0.0
 
     def on_test_batch_start(self, trainer, method, batch, batch_idx, dataloader_idx=0) -> None:
@@ -138,6 +139,7 @@ def _store(folder: Path, key: str) -> PredictionStore:
         return PredictionStore(folder, key)
     except PredictionFileError:
         log.warning("%s holds predictions of other code, data or settings; starting anew", folder)
+        (folder / TIMES).unlink(missing_ok=True)
         return PredictionStore(folder, key, reset=True)
 
 
