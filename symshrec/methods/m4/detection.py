@@ -19,14 +19,11 @@ from symshrec.planes import Planes
 HOPELESS = 0.6  # misfit of a candidate that is not worth aligning any further
 SPARE = 3  # planes kept besides the symmetric ones, with low confidence
 MIDDLE_POINTS, MIDDLE_SCALES = 500, (0.015, 0.01)
-GROUP_POINTS, GROUP_STAGES = (
-    1200,
-    ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0)),
-)  # scale, tolerance in degrees
+GROUP_POINTS = 1200
+GROUP_STAGES = ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))  # scale, tolerance in degrees
 FINAL_POINTS = 4096
 FINAL_SCALES, FINAL_TOLERANCE_DEG = (0.0035, 0.0025, 0.002, 0.002), 1.5
 RELATION_DISTANCE = 0.04
-TRIMMED = 0.6  # share of the points that count where part of the cloud may be missing
 
 
 @dataclass(frozen=True)
