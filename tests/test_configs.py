@@ -10,6 +10,8 @@ from omegaconf import OmegaConf
 from symshrec.benchmark.config import check_config
 from symshrec.configs import benchmark_of, conf_folder, load
 from symshrec.evaluation import datamodule_of, method_of
+from symshrec.methods.m3.detection import M3Settings
+from symshrec.methods.m4.detection import M4Settings
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
@@ -85,3 +87,8 @@ def test_a_sweep_with_one_bad_value_fails_before_its_first_job():
     assert done.stderr.startswith("error: In 'config': Could not find 'run/k251'")
     assert "Traceback" not in done.stderr
     assert "Launching" not in done.stdout
+
+
+@pytest.mark.parametrize(("method", "settings"), [("m3", M3Settings()), ("m4", M4Settings())])
+def test_the_schema_and_the_code_have_the_same_defaults(method, settings):
+    assert method_of(load([f"method={method}"])).settings == settings
