@@ -99,13 +99,12 @@ class M4Config(MethodConfig):
     points: int = 8192
     neighbours: int = 12
     directions: int = 1500
-    candidates: int = 40
+    candidates: int = 28
     separation_deg: float = 5.0
     max_planes: int = 40
     together: bool = True
-    rounds: int = 2
-    middle_misfit: float = 0.16
-    steepness: float = 40.0
+    rounds: int = 3
+    calibration: list[float] = field(default_factory=lambda: [1.793, -108.481, -38.695, 220.276])
 
 
 @dataclass

@@ -1,15 +1,18 @@
 """M4: the planes of clouds whose symmetry is known, in any order and pose, and no crash on clouds without."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
 from symshrec.batch import Batch
 from symshrec.benchmark.cloud import Labels
+from symshrec.methods.m4.confidence import CALIBRATION, confidences
 from symshrec.methods.m4.detection import M4Settings, detect_planes
 from symshrec.methods.m4.module import M4
 from symshrec.methods.m4.search import hemisphere
-from symshrec.methods.m4.volume import OUTSIDE, look_up, nearest_volume
 from symshrec.planes import Planes, axis_angles
 from symshrec.reference.m4 import detect_planes as plain_planes
 
@@ -177,18 +180,20 @@ def test_hemisphere_is_even_and_half():
     assert all(np.isin(angles.argmin(1)[row], around[row]) for row in range(400))
 
 
-def test_nearest_volume_agrees_with_all_distances():
-    rng = np.random.default_rng(6)
-    points = torch.tensor(rng.uniform(-0.5, 0.5, (200, 3)), dtype=torch.float32)
-    queries = torch.tensor(rng.uniform(-0.6, 0.6, (500, 3)), dtype=torch.float32)
-    found = look_up(nearest_volume(points, 0.7, 32, 2), queries, 0.7, 32)
-    distances = torch.cdist(queries, points)
-    cell = 1.4 / 32
-    inside = found != OUTSIDE
-    excess = distances[inside].gather(1, found[inside][:, None])[:, 0] - distances[inside].amin(1)
-    assert 0 < inside.sum() < len(queries)
-    assert excess.max() < np.sqrt(3) * cell
-    assert distances[~inside].amin() > cell
+def test_confidence_falls_with_the_divergence_and_forgives_sparse_clouds():
+    divergences = torch.tensor([0.0, 0.02, 0.06, 0.3])
+    dense, sparse = (confidences(divergences, count, CALIBRATION) for count in (6400, 400))
+    assert (dense.diff() < 0).all()
+    assert (sparse > dense).all()
+    assert dense[0] > 0.9
+    assert dense[3] < 0.01
+    with pytest.raises(ValueError, match="calibration has 2 numbers, expected 4"):
+        M4(calibration=(1.0, 2.0))
+
+
+def test_the_calibration_is_the_recorded_one():
+    record = json.loads((Path(__file__).parents[2] / "results" / "calibration.json").read_text())
+    assert tuple(record["calibration"]) == CALIBRATION
 
 
 def test_the_plain_version_finds_the_same_planes():

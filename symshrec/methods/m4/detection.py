@@ -6,40 +6,40 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from symshrec.methods.m4.candidates import candidate_planes
-from symshrec.methods.refine.alignment import Pairs, align, mirrored_nearest, moved
-from symshrec.methods.refine.coupling import closure, distinct, find_relations
-from symshrec.methods.refine.ends import with_ends
+from symshrec.methods.m4.confidence import CALIBRATION, confidences
+from symshrec.methods.m4.search import searched
+from symshrec.methods.refine.alignment import AlignmentSettings, aligned
+from symshrec.methods.refine.coupling import closure, distinct, find_relations, orbit_means
+from symshrec.methods.refine.density import Density, densities
 from symshrec.methods.refine.frame import frame_of
-from symshrec.methods.refine.misfit import misfit
-from symshrec.methods.refine.sharpening import sharpened
-from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
+from symshrec.methods.refine.likelihood import ascended, divergence
 from symshrec.planes import Planes
 
-HOPELESS = 0.6  # misfit of a candidate that is not worth aligning any further
-SPARE = 3  # planes kept besides the symmetric ones, with low confidence
-MIDDLE_POINTS, MIDDLE_SCALES = 500, (0.015, 0.01)
-GROUP_POINTS = 1200
-GROUP_STAGES = ((0.015, 5.0), (0.01, 4.0), (0.007, 3.0), (0.005, 2.0))  # scale, tolerance in degrees
-FINAL_POINTS = 4096
-FINAL_SCALES, FINAL_TOLERANCE_DEG = (0.0035, 0.0025, 0.002, 0.002), 1.5
-RELATION_DISTANCE = 0.04
+# Lengths are shares of the cloud's size (see `frame_of`), divergences in nats a point.
+COARSE_POINTS, COARSE_STEPS, COARSE_STEP = 240, 2, 0.12
+MIDDLE_POINTS, MIDDLE_STEPS = 800, 4
+FINE_POINTS, FINE_STEPS = 1500, 3
+LONGEST_STEP = 0.05
+HOPELESS = (0.6, 0.5, 0.3, 0.2, 0.12)  # divergences beyond which a candidate goes, stage by stage
+LIKELY, TIED = 0.08, 0.025  # divergences above the best plane's up to which planes are completed, and tied together
+RELATION_DEG, RELATION_DISTANCE = 4.0, 0.04
+ALIGNED = 0.1  # least confidence of a plane that is aligned point to plane
 
 
 @dataclass(frozen=True)
 class M4Settings:
-    """What there is to choose; lengths inside are shares of the cloud's size (see `frame_of`).
+    """What there is to choose.
 
     Args:
         points: most points used of a cloud; the rest changes nothing.
         neighbours: points in a local plane.
         directions: normals tried in the search.
-        candidates: local maxima of the search that are aligned.
+        candidates: local maxima of the search that are followed.
         separation_deg: least angle between two planes, in degrees.
         max_planes: most planes returned.
         together: whether planes whose images in each other are planes as well are estimated together.
-        rounds: of sharpening, each about a fifth of the time; 0 suffices for 1° and 1 %.
-        middle_misfit, steepness: confidence is 1 / (1 + exp(steepness · (misfit − middle_misfit))).
+        rounds: of point-to-plane alignment; 0 suffices for 1° and 1 %.
+        calibration: intercept and weights of the logistic regression that gives confidences (see `confidence`).
 
     Raises:
         ValueError: naming the setting that is out of its range.
@@ -48,13 +48,12 @@ class M4Settings:
     points: int = 8192
     neighbours: int = 12
     directions: int = 1500
-    candidates: int = 40
+    candidates: int = 28
     separation_deg: float = 5.0
     max_planes: int = 40
     together: bool = True
-    rounds: int = 2
-    middle_misfit: float = 0.16
-    steepness: float = 40.0
+    rounds: int = 3
+    calibration: tuple[float, ...] = CALIBRATION
 
     def __post_init__(self):
         ranges = {
@@ -65,21 +64,22 @@ class M4Settings:
             "separation_deg": (0, 90),
             "max_planes": (1, np.inf),
             "rounds": (0, np.inf),
-            "middle_misfit": (0, np.inf),
-            "steepness": (0, np.inf),
         }
         for name, (low, high) in ranges.items():
             if not low <= getattr(self, name) <= high:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected a number in [{low:g}, {high:g}]")
+        if len(self.calibration) != len(CALIBRATION):
+            raise ValueError(f"calibration has {len(self.calibration)} numbers, expected {len(CALIBRATION)}")
 
 
+@torch.inference_mode()
 def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     """The mirror planes of one cloud, by descending confidence.
 
-    Confidence says how well the mirrored cloud fits the cloud, relative to the cloud's own density and noise; 0.5 parts
-    symmetric from not. The order of the points changes nothing; pose and scale change the planes by rounding, and by
-    the choice of points where there are more than `settings.points`. A sphere or a surface of revolution, symmetric
-    about infinitely many planes, gets some of them, at least `separation_deg` apart.
+    Confidence says how likely a plane is a symmetry, from how well the mirrored cloud fits the cloud's own density. The
+    order of the points changes nothing; pose and scale change the planes by rounding, by the directions of the search
+    and, where there are more than `settings.points`, by the choice of points. A sphere or a surface of revolution,
+    symmetric about infinitely many planes, gets some of them, at least `separation_deg` apart.
 
     Args:
         points: (N, 3) tensor (worked on where it lies) or array, any unit. Coincident points count once; fewer than
@@ -96,68 +96,72 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     frame = frame_of(points, settings.points)
     if frame is None:
         return Planes.empty()
-    surface = local_surface(frame.points, settings.neighbours, SURFACE_SCALES)
-    normals, offsets, misfits = _aligned_candidates(surface, settings)
-    likely = misfits < settings.middle_misfit * 1.4
-    likely[0] = True
-    spare = normals[~likely], offsets[~likely], misfits[~likely]
-    normals, offsets, misfits = _grouped(surface, normals[likely], offsets[likely], settings)
-    normals, offsets, misfits = (torch.cat(both) for both in zip((normals, offsets, misfits), spare, strict=True))
-    first = torch.cat([misfits[: len(misfits) - len(spare[0])] - 10, spare[2]])
-    kept = distinct(normals, first, settings.separation_deg)[: settings.max_planes]
-    confidences = torch.sigmoid(settings.steepness * (settings.middle_misfit - misfits[kept].double()))
-    return frame.planes(normals[kept], offsets[kept], confidences).ranked()
+    search = Search(frame.points, settings)
+    normals, offsets, divergences = search.planes()
+    sureness = confidences(divergences, len(frame.points), settings.calibration)
+    sure = sureness >= min(ALIGNED, float(sureness[0]))
+    alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
+    normals[sure], offsets[sure] = aligned(frame.points, normals[sure], offsets[sure], settings.together, alignment)
+    kept = distinct(normals, -sureness, settings.separation_deg)
+    return frame.planes(normals[kept], offsets[kept], sureness[kept]).ranked()
 
 
-def _aligned_candidates(surface: Surface, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
-    """Normals, offsets and misfits of the search's candidates, best first, each aligned for itself."""
-    normals, offsets, misfits = candidate_planes(surface, settings.directions, settings.candidates)
-    kept = distinct(normals, misfits, settings.separation_deg * 0.8)
-    kept = kept[(misfits[kept] < HOPELESS) | (torch.arange(len(kept), device=kept.device) < 1 + SPARE)]
-    rows = _rows(surface, MIDDLE_POINTS)
-    normals, offsets, blind = align(surface, normals[kept], offsets[kept], rows, MIDDLE_SCALES)
-    offsets = with_ends(surface, normals, offsets, blind)
-    rows = _rows(surface, GROUP_POINTS)
-    misfits = misfit(surface, rows, mirrored_nearest(surface, normals, offsets, rows)[0])
-    kept = distinct(normals, misfits, settings.separation_deg * 0.8)
-    return normals[kept], offsets[kept], misfits[kept]
+class Search:
+    """The cloud's densities at several bandwidths, and the candidate planes that climb through them, coarse to fine.
 
+    Args:
+        points: (N, 3) float32 in their frame, any prefix being a random sample.
+    """
 
-def _grouped(surface: Surface, normals: Tensor, offsets: Tensor, settings: M4Settings):
-    """Likely planes, and their images in each other, aligned at falling scales; normals, offsets and misfits."""
-    rows = _rows(surface, GROUP_POINTS)
-    for scale, tolerance in GROUP_STAGES:
-        if settings.together:
-            normals, offsets = _completed(surface, normals, offsets, settings)
-        distances, matches = mirrored_nearest(surface, normals, offsets, rows)
-        misfits = misfit(surface, rows, distances)
-        kept = distinct(normals, misfits, settings.separation_deg)[: settings.max_planes]
-        kept = kept[(misfits[kept] < settings.middle_misfit * 1.4) | (torch.arange(len(kept), device=kept.device) < 1)]
-        normals, offsets, misfits = normals[kept], offsets[kept], misfits[kept]
-        relations = find_relations(normals, offsets, tolerance, RELATION_DISTANCE) if settings.together else None
-        pairs = Pairs(surface, rows, matches[kept])
-        for _ in range(3):
-            normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
-    rows = surface.certainty.topk(min(FINAL_POINTS, len(surface.points))).indices
-    relations = find_relations(normals, offsets, FINAL_TOLERANCE_DEG, RELATION_DISTANCE) if settings.together else None
-    distances, matches = mirrored_nearest(surface, normals, offsets, rows)
-    pairs = Pairs(surface, rows, matches)
-    for scale in FINAL_SCALES:
-        normals, offsets, blind = moved(pairs, normals, offsets, scale, 1e-6, relations)
-    offsets, misfits = with_ends(surface, normals, offsets, blind), misfit(surface, rows, distances)
-    if settings.rounds and misfits[0] < settings.middle_misfit:
-        normals, offsets = sharpened(surface, normals, offsets, relations, settings.rounds)
-    return normals, offsets, misfits
+    def __init__(self, points: Tensor, settings: M4Settings):
+        self.points, self.settings = points, settings
+        self.densities = densities(points)
 
+    def planes(self) -> tuple[Tensor, Tensor, Tensor]:
+        """Normals (K, 3), offsets (K,) and divergences (K,) of what may be symmetries, the best first."""
+        wide, search, coarse, middle, fine = self.densities
+        few, some, more = (self.points[:count] for count in (COARSE_POINTS, MIDDLE_POINTS, FINE_POINTS))
+        normals, offsets = searched(search, self.settings.directions, self.settings.candidates)
+        for density in (wide, search, coarse):
+            normals, offsets = ascended(density, few, normals, offsets, COARSE_STEPS, COARSE_STEP)
+        normals, offsets, _ = self._kept(coarse, few, normals, offsets, HOPELESS[0])
+        normals, offsets = ascended(middle, some, normals, offsets, MIDDLE_STEPS, LONGEST_STEP)
+        normals, offsets, misfits = self._kept(middle, more, normals, offsets, HOPELESS[1])
+        if self.settings.together:
+            normals, offsets, misfits = self._completed(normals, offsets, misfits)
+        for density, hopeless in zip((middle, fine), HOPELESS[3:], strict=True):
+            tied = (misfits < misfits.min() + TIED) & self.settings.together
+            normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
+            normals, offsets, misfits = self._kept(density, more, normals, offsets, hopeless)
+        misfits = divergence(fine, self.points, normals, offsets)
+        if self.settings.together:
+            relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE)
+            tied = misfits < misfits.min() + TIED
+            misfits = orbit_means(misfits, relations.mirrored_in(tied))
+        order = torch.argsort(misfits, stable=True)
+        return normals[order], offsets[order], misfits[order]
 
-def _completed(surface: Surface, normals: Tensor, offsets: Tensor, settings: M4Settings) -> tuple[Tensor, Tensor]:
-    """The planes and their images in each other that are not among them."""
-    more, more_offsets = closure(normals, offsets, settings.separation_deg, settings.max_planes)
-    if not len(more):
-        return normals, offsets
-    more, more_offsets, _ = align(surface, more, more_offsets, _rows(surface, MIDDLE_POINTS), MIDDLE_SCALES)
-    return torch.cat([normals, more]), torch.cat([offsets, more_offsets])
+    def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float):
+        """Planes that differ and may be symmetries, at least one, with their divergences, the best first."""
+        misfits = divergence(density, points, normals, offsets)
+        kept = distinct(normals, misfits, self.settings.separation_deg)
+        limit = hopeless + misfits.min().clamp_min(0)
+        kept = kept[misfits[kept] <= limit][: self.settings.max_planes]
+        return normals[kept], offsets[kept], misfits[kept]
 
-
-def _rows(surface: Surface, count: int) -> Tensor:
-    return torch.arange(min(count, len(surface.points)), device=surface.points.device)
+    def _completed(self, normals: Tensor, offsets: Tensor, misfits: Tensor):
+        """The planes and the images of the likely ones in each other that are not among them, with divergences."""
+        _, _, coarse, middle, _ = self.densities
+        some, more = self.points[:MIDDLE_POINTS], self.points[:FINE_POINTS]
+        for _ in range(2):
+            likely = misfits < misfits.min() + LIKELY
+            images, places = closure(
+                normals[likely], offsets[likely], self.settings.separation_deg, self.settings.max_planes
+            )
+            if not len(images):
+                break
+            for density in (coarse, middle):
+                images, places = ascended(density, some, images, places, COARSE_STEPS, LONGEST_STEP)
+            normals, offsets = torch.cat([normals, images]), torch.cat([offsets, places])
+            normals, offsets, misfits = self._kept(middle, more, normals, offsets, HOPELESS[1])
+        return self._kept(middle, more, normals, offsets, HOPELESS[2])

@@ -4,6 +4,7 @@ from torch import Tensor
 
 from symshrec.batch import Batch
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.m4.confidence import CALIBRATION
 from symshrec.methods.m4.detection import M4Settings, detect_planes
 from symshrec.planes import Planes
 
@@ -12,7 +13,7 @@ class M4(SymmetryMethod):
     """Training-free detection.
 
     Args:
-        points ... steepness: see `M4Settings`.
+        points ... calibration: see `M4Settings`.
         count_threshold, workers, refine: see `SymmetryMethod`.
 
     Raises:
@@ -24,13 +25,12 @@ class M4(SymmetryMethod):
         points: int = 8192,
         neighbours: int = 12,
         directions: int = 1500,
-        candidates: int = 40,
+        candidates: int = 28,
         separation_deg: float = 5.0,
         max_planes: int = 40,
         together: bool = True,
-        rounds: int = 2,
-        middle_misfit: float = 0.16,
-        steepness: float = 40.0,
+        rounds: int = 3,
+        calibration: tuple[float, ...] = CALIBRATION,
         count_threshold: float = 0.5,
         workers: int = 0,
         refine: bool = False,
@@ -45,8 +45,7 @@ class M4(SymmetryMethod):
             max_planes=max_planes,
             together=together,
             rounds=rounds,
-            middle_misfit=middle_misfit,
-            steepness=steepness,
+            calibration=tuple(calibration),
         )
 
     def detect(self, points: Tensor) -> Planes:

@@ -1,14 +1,14 @@
-"""M4 step 2: directions of a hemisphere scored by the density at the mirrored points, and their local maxima."""
+"""M4 step 2: candidate planes: directions of a hemisphere, scored by the density at the mirrored points."""
 
 from functools import cache
 
 import torch
 from torch import Tensor
 
-from symshrec.methods.m4.volume import look_up
-from symshrec.methods.refine.alignment import mirrored
+from symshrec.methods.refine.density import Density
 
 AROUND = 8  # neighbours of a direction, beside itself
+SEARCHED = 128  # points mirrored in every direction
 
 
 @cache
@@ -26,14 +26,26 @@ def hemisphere(count: int) -> tuple[Tensor, Tensor]:
     return directions, (directions @ directions.T).abs().topk(AROUND + 1).indices[:, 1:]
 
 
-def direction_scores(
-    volume: Tensor, points: Tensor, weights: Tensor, directions: Tensor, half_width: float, size: int
-) -> Tensor:
-    """Weighted mean density (D,) at (Q, 3) points mirrored across the planes through 0 in every direction (D, 3)."""
-    return look_up(volume, mirrored(points, directions), half_width, size) @ weights / weights.sum().clamp_min(1e-12)
+def searched(density: Density, directions: int, most: int) -> tuple[Tensor, Tensor]:
+    """Planes through the origin in which the cloud looks mirrored: normals (K, 3) and offsets (K,), the best first.
 
+    The score is the mean density at the mirrored points. It saturates, so that a crowded apex does not outweigh the
+    rest, and points count the more the sparser it is around them.
 
-def local_maxima(scores: Tensor, around: Tensor, most: int) -> Tensor:
-    """Directions that score no less than their neighbours, the best first, at most `most`."""
+    Args:
+        density: of a cloud any prefix of which is a random sample of it. directions: tried. most: K at most.
+    """
+    tried, around = (each.to(density.cells.device) for each in hemisphere(directions))
+    points = density.points[:SEARCHED]
+    weights = 1 - _saturated(density, points)
+    heights = tried @ points.T
+    images = torch.addcmul(points, heights[..., None], tried[:, None], value=-2.0)
+    scores = _saturated(density, images) @ weights
     peaks = torch.nonzero((scores[:, None] >= scores[around]).all(1))[:, 0]
-    return peaks[torch.argsort(scores[peaks], descending=True, stable=True)[:most]]
+    peaks = peaks[torch.argsort(scores[peaks], descending=True, stable=True)[:most]]
+    return tried[peaks], torch.zeros(len(peaks), device=tried.device)
+
+
+def _saturated(density: Density, places: Tensor) -> Tensor:
+    values = density.nearest(places)
+    return values / (values + density.mean)

@@ -1,118 +1,126 @@
-"""M4 step 4: robust point-to-plane Gauss–Newton over mirror planes, all planes of a cloud at once, in torch."""
+"""M4 step 4: robust point-to-plane least squares, on local planes that the symmetry itself has made denser.
+
+Under noise a share of the points is still exact. A local plane fitted to a point's neighbours and to the mirrored ones,
+which are further samples of the same surface, tells the exact from the noisy; the planes of symmetry then move so that
+the mirrored exact points lie in the local planes. Local planes go through the points themselves and not through the
+mirrored ones, which makes the step blind to where the planes of symmetry were.
+"""
+
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
-from symshrec.methods.refine.coupling import Relations, relation_system
-from symshrec.methods.refine.surface import Surface, falling
+from symshrec.methods.refine.coupling import find_relations
+from symshrec.methods.refine.ends import end_offset
+from symshrec.methods.refine.steps import mirrored, stepped, tangents
+from symshrec.methods.refine.surface import Neighbours, falling, local_planes
 
-LONGEST_STEP = 0.1  # radians, and the same share of the cloud's size
-STIFFNESS = 1e4  # of the relations between planes, relative to the best determined direction of the data
+SURFACE_SCALES = (0.02, 0.008, 0.003)  # of the local planes, shares of the cloud's size like all lengths here
+MOST_MIRRORS = 6  # planes whose mirrored points are added to the local planes
+MATCHES = 4  # nearest points to a mirrored one
+FIRST_POINTS = 1000  # mirrored in the first round, when the matches are not yet final
+SCALES = ((0.005, 0.0035, 0.0025), (0.0025, 0.0015, 0.0015))  # of the residuals, in the first round and in the others
+RELATION_DEG, RELATION_DISTANCE = 2.0, 0.04
+LONGEST_STEP = 0.05
+CONVERGED = 2e-4  # the largest move in a round after which no other is worth its time
 DAMPING = 1e-6  # of a step, relative to the weight of the pairs
 LOCK = 1e3  # the same, of an offset the surface is blind to
 SLIDING = 0.03  # mean squared cosine between plane and surface normals below which the surface is blind to the offset
 
 
-def mirrored(vectors: Tensor, normals: Tensor, offsets: Tensor | None = None) -> Tensor:
-    """(Q, 3) points mirrored across K planes n·x = offset, (K, 3) and (K,); directions without offsets: (K, Q, 3)."""
-    heights = normals @ vectors.T
-    if offsets is not None:
-        heights = heights - offsets[:, None]
-    return vectors - 2 * heights[..., None] * normals[:, None]
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """points: mirrored in each plane. neighbours: points in a local plane. rounds: 0 leaves planes as they are."""
+
+    points: int = 2000
+    neighbours: int = 12
+    rounds: int = 3
 
 
-def tangents(normals: Tensor) -> Tensor:
-    """Two unit vectors (K, 2, 3) orthogonal to each other and to unit normals (K, 3)."""
-    axes = torch.zeros_like(normals).scatter_(-1, normals.abs().argmin(-1, keepdim=True), 1.0)
-    first = torch.nn.functional.normalize(torch.linalg.cross(normals, axes), dim=-1)
-    return torch.stack([first, torch.linalg.cross(normals, first)], -2)
+def aligned(
+    cloud: Tensor, normals: Tensor, offsets: Tensor, together: bool, settings: AlignmentSettings
+) -> tuple[Tensor, Tensor]:
+    """Symmetries (K, 3), (K,) of a cloud (N, 3), known to about 1°, to a tenth of that where points are exact.
+
+    Args:
+        cloud: in the frame of `frame_of`, any prefix of it being a random sample.
+        normals, offsets: the surest first, whose mirrored points make the local planes denser.
+        together: whether their relations tie them.
+    """
+    neighbours = Neighbours(cloud)
+    relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE) if together else None
+    blind = torch.zeros_like(offsets, dtype=torch.bool)
+    everyone = cloud[: settings.points]
+    _, nearest = neighbours.query(everyone, min(settings.neighbours, len(cloud)))
+    surroundings = cloud[nearest] - everyone[:, None]
+    for turn in range(settings.rounds):
+        if turn < 2:
+            rows = everyone[: FIRST_POINTS if turn == 0 and settings.rounds > 1 else settings.points]
+            _, nearest = neighbours.query(mirrored(rows, normals, offsets), min(MATCHES, len(cloud)))
+            matches = cloud[nearest]  # (K, M, n, 3)
+        denser = _with_mirrored(rows, surroundings[: len(rows)], matches, normals, offsets)
+        pairs = Pairs(rows, *local_planes(denser, SURFACE_SCALES), matches)
+        before = normals, offsets
+        for scale in SCALES[min(turn, 1)]:
+            basis = tangents(normals)
+            matrices, right, blind = pairs.system(normals, offsets, basis, scale)
+            normals, offsets = stepped(normals, offsets, basis, matrices, right, LONGEST_STEP, relations)
+        if max((normals - before[0]).abs().max(), (offsets - before[1]).abs().max()) < CONVERGED:
+            break
+    offsets = offsets.clone()
+    for row in torch.nonzero(blind)[:, 0].tolist():
+        offsets[row] = end_offset(cloud @ normals[row]).to(offsets.dtype)
+    return normals, offsets
 
 
 class Pairs:
-    """Points of a surface and, for each of K planes, the points that their mirror images are compared with.
+    """Points with their local planes and, for each of K planes of symmetry, points whose images should lie in them.
 
     Args:
-        surface: of N points.
-        queries: (Q,), rows of the points that are mirrored.
-        matches: (K, Q), rows of the points compared with; matched (K, Q) in [0, 1] weighs them.
+        points, normals: (M, 3). certainty: (M,), how surely a point lies on the surface. matches: (K, M, n, 3).
     """
 
-    def __init__(self, surface: Surface, queries: Tensor, matches: Tensor, matched: Tensor | None = None):
-        self.points, self.normals = surface.anchors[queries], surface.normals[queries]
-        self.targets, self.target_normals = surface.anchors[matches], surface.normals[matches]
-        self.weights = surface.certainty[queries] * surface.certainty[matches]
-        if matched is not None:
-            self.weights = self.weights * matched
+    def __init__(self, points: Tensor, normals: Tensor, certainty: Tensor, matches: Tensor):
+        count = matches.shape[2]
+        self.matches = matches.flatten(1, 2)  # (K, Mn, 3)
+        self.normals = normals
+        self.count = count
+        self.certainty = certainty.repeat_interleave(count)
+        repeated = normals.repeat_interleave(count, 0)
+        self.gaps = (self.matches * repeated).sum(-1) - (points * normals).sum(1).repeat_interleave(count)
 
     def system(self, normals: Tensor, offsets: Tensor, basis: Tensor, scale: float) -> tuple[Tensor, Tensor, Tensor]:
         """Normal equations of one step for planes (K, 3), (K,) along tangents (K, 2, 3) and the offset.
 
-        The residual of a pair is its distance along the sum of both normals, which is exact to third order where the
-        surface is curved (Rusinkiewicz 2019). Its weight falls with the residual and with the angle of the normals.
+        Residuals are the distances of the matches' images from the local planes; their weight falls with them.
 
         Returns:
-            (K, 3, 3) and (K, 3) float64, and the pairs' mean weight (K,).
+            Matrices (K, 3, 3) and right sides (K, 3) float64, and whether the surface is blind to the offset (K,),
+            which then stays.
         """
-        heights = normals @ self.points.T - offsets[:, None]  # (K, Q)
-        gaps = self.points - 2 * heights[..., None] * normals[:, None] - self.targets
-        image_normals = mirrored(self.normals, normals)
-        cosines = (image_normals * self.target_normals).sum(-1)
-        common = self.target_normals + torch.sign(cosines)[..., None] * image_normals
-        common = torch.nn.functional.normalize(common, dim=-1)
-        residuals = (gaps * common).sum(-1)
-        weights = self.weights * cosines.square().square() * falling(residuals / scale)
-        along = common @ normals[..., None]  # (K, Q, 1)
-        slopes = self.points @ basis.mT * along + heights[..., None] * (common @ basis.mT)
-        jacobian = torch.cat([slopes, -along], -1) * -2
-        weighted = (jacobian * weights[..., None]).mT
-        return (weighted @ jacobian).double(), (weighted @ residuals[..., None])[..., 0].double(), weights.sum(1)
+        frames = torch.cat([normals[:, None], basis], 1)  # (K, 3, 3): the normal, then the tangents
+        heights = self.matches @ frames.mT
+        heights[..., 0] -= offsets[:, None]
+        cosines = (self.normals @ frames.mT).repeat_interleave(self.count, 1)  # (K, Mn, 3)
+        along = cosines[..., 0]
+        residuals = self.gaps - 2 * heights[..., 0] * along
+        weights = self.certainty * falling(residuals / scale)
+        turns = [heights[..., each] * along + heights[..., 0] * cosines[..., each] for each in (1, 2)]
+        slopes = torch.stack([*turns, -along, residuals / 2], 1) * -2  # (K, 4, Mn); the last, −residuals, is no slope
+        products = ((slopes[:, :3] * weights[:, None]) @ slopes.mT).double()
+        matrices, right = products[..., :3], products[..., 3]
+        total = weights.sum(1).double().clamp_min(1e-6)
+        blind = matrices[:, 2, 2] < 4 * SLIDING * total
+        ridge = (DAMPING * total)[:, None].repeat(1, 3)
+        ridge[:, 2] += torch.where(blind, LOCK * total, 0.0)
+        return matrices + torch.diag_embed(ridge), right, blind
 
 
-def moved(
-    pairs: Pairs, normals: Tensor, offsets: Tensor, scale: float, damping: float, relations: Relations | None = None
-) -> tuple[Tensor, Tensor, Tensor]:
-    """The planes (K, 3), (K,) after one step on the pairs, each its own, or all together where relations tie them.
-
-    Returns:
-        Normals, offsets, and whether the surface is blind to the offset (K,); where it is, the offset stays.
-    """
-    basis = tangents(normals)
-    matrices, right, total = pairs.system(normals, offsets, basis, scale)
-    total = total.double().clamp_min(1e-6)
-    blind = matrices[:, 2, 2] < 4 * SLIDING * total
-    stiffness = STIFFNESS * matrices.diagonal(dim1=-2, dim2=-1).max().clamp_min(1e-6)
-    ridge = (damping * total)[:, None].repeat(1, 3)
-    ridge[:, 2] += torch.where(blind, LOCK * total, 0.0)
-    matrices = matrices + torch.diag_embed(ridge)
-    if relations is None or not len(relations.mirror):
-        steps = -torch.linalg.solve(matrices, right)
-    else:
-        tied, tied_right = relation_system(relations, normals, offsets, basis)
-        whole = torch.block_diag(*matrices) + stiffness * tied
-        steps = -torch.linalg.solve(whole, right.flatten() + stiffness * tied_right).reshape(-1, 3)
-    steps = (steps * (LONGEST_STEP / steps.norm(dim=-1, keepdim=True).clamp_min(LONGEST_STEP))).to(normals.dtype)
-    turned = normals + (steps[:, :2, None] * basis).sum(1)
-    return torch.nn.functional.normalize(turned, dim=-1), offsets + steps[:, 2], blind
-
-
-def mirrored_nearest(surface: Surface, normals: Tensor, offsets: Tensor, queries: Tensor) -> tuple[Tensor, Tensor]:
-    """Distances and rows (K, Q) of the points nearest the mirror images of points `queries` (Q,) in K planes."""
-    distances, nearest = surface.neighbours.query(mirrored(surface.points[queries], normals, offsets), 1)
-    return distances[..., 0], nearest[..., 0]
-
-
-def align(
-    surface: Surface, normals: Tensor, offsets: Tensor, queries: Tensor, scales: tuple[float, ...],
-    steps: int = 2, relations: Relations | None = None,
-) -> tuple[Tensor, Tensor, Tensor]:  # fmt: skip
-    """Planes (K, 3), (K,) refined on the mirrored points `queries` (Q,): at each scale one search of nearest points.
-
-    Returns:
-        As `moved`.
-    """
-    for scale in scales:
-        _, matches = mirrored_nearest(surface, normals, offsets, queries)
-        pairs = Pairs(surface, queries, matches)
-        for _ in range(steps):
-            normals, offsets, blind = moved(pairs, normals, offsets, scale, DAMPING, relations)
-    return normals, offsets, blind
+def _with_mirrored(rows: Tensor, around: Tensor, matches: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
+    """Places (M, k + Jn, 3) around points (M, 3) of their own neighbours (M, k, 3) and of the matches' J images."""
+    matches, normals, offsets = (each[:MOST_MIRRORS] for each in (matches, normals, offsets))
+    heights = (matches * normals[:, None, None]).sum(-1) - offsets[:, None, None]
+    images = matches - 2 * heights[..., None] * normals[:, None, None]
+    images = images.permute(1, 0, 2, 3).flatten(1, 2)  # (M, Jn, 3)
+    return torch.cat([around, images - rows[:, None]], 1)

@@ -10,6 +10,8 @@ from math import cos, radians
 import torch
 from torch import Tensor
 
+ORBIT_ROUNDS = 3
+
 
 @dataclass(frozen=True)
 class Relations:
@@ -19,6 +21,18 @@ class Relations:
     second: Tensor
     image: Tensor
     sign: Tensor
+
+    def among(self, planes: Tensor) -> "Relations":
+        """Those whose three planes are all among `planes` (K,) bool."""
+        rows = planes[self.mirror] & planes[self.second] & planes[self.image]
+        return self._at(rows)
+
+    def mirrored_in(self, planes: Tensor) -> "Relations":
+        """Those whose mirror is among `planes` (K,) bool."""
+        return self._at(planes[self.mirror])
+
+    def _at(self, rows: Tensor) -> "Relations":
+        return Relations(self.mirror[rows], self.second[rows], self.image[rows], self.sign[rows])
 
 
 def images_of_planes(normals: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor]:
@@ -72,6 +86,20 @@ def relation_system(relations: Relations, normals: Tensor, offsets: Tensor, basi
         jacobian.index_put_((rows, index), block @ lift[index], accumulate=True)
     flat = jacobian.permute(0, 2, 1, 3).reshape(4 * count, 3 * planes)
     return flat.T @ flat, flat.T @ off.reshape(-1)
+
+
+def orbit_means(values: Tensor, relations: Relations) -> Tensor:
+    """Values (K,) of planes, each the mean over the planes that the relations' mirrors turn it into.
+
+    Planes that are images of each other in a symmetric cloud fit it equally well, but for chance.
+    """
+    links = torch.eye(len(values), dtype=values.dtype, device=values.device)
+    links[relations.image, relations.second] = 1
+    links[relations.second, relations.image] = 1
+    links = links / links.sum(1, keepdim=True)
+    for _ in range(ORBIT_ROUNDS):
+        values = links @ values
+    return values
 
 
 def closure(normals: Tensor, offsets: Tensor, separation_deg: float, most: int) -> tuple[Tensor, Tensor]:

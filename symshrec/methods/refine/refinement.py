@@ -1,4 +1,4 @@
-"""M4 step 4 for any method: planes refined by robust point-to-plane least squares, never to a worse fit."""
+"""M4 steps 3 and 4 for any method: planes refined by maximum likelihood and point to plane, never to a worse fit."""
 
 from dataclasses import dataclass
 
@@ -6,50 +6,47 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from symshrec.methods.refine.alignment import Pairs, align, mirrored_nearest, moved
-from symshrec.methods.refine.coupling import find_relations, images_of_planes
-from symshrec.methods.refine.ends import with_ends
+from symshrec.methods.refine.alignment import AlignmentSettings, aligned
+from symshrec.methods.refine.coupling import images_of_planes
+from symshrec.methods.refine.density import densities
 from symshrec.methods.refine.frame import frame_of
-from symshrec.methods.refine.misfit import misfit
-from symshrec.methods.refine.sharpening import sharpened
-from symshrec.methods.refine.surface import SURFACE_SCALES, Surface, local_surface
+from symshrec.methods.refine.likelihood import ascended, divergence
 from symshrec.planes import Planes
 
-COARSE_POINTS, COARSE_SCALES = 500, ((0.1, 0.1, 0.07, 0.05, 0.03, 0.02, 0.015), (0.03, 0.02, 0.015))
-FINE_POINTS, FINE_SCALES = 1200, (0.01, 0.007, 0.005)
-FINAL_SCALES = (0.0035, 0.0025, 0.002, 0.002)
-TIED_MISFIT = 0.2  # planes that fit no worse are estimated together
-RELATION_DEG, RELATION_DISTANCE = 2.0, 0.03
+COARSE_POINTS, COARSE_STEPS = 800, 4
+FINE_POINTS, FINE_STEPS = 1500, 3
+LONGEST_STEP = 0.06
+STARTS = (0, 2)  # the coarsest density from which planes ascend, tried one after the other
+TIED, LIKELY = 0.025, 0.1  # divergences above the best plane's: of planes tied together, of planes that fit
 FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a share of the cloud's size
 
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """points: most used of a cloud. neighbours: points in a local plane. together, rounds: as in `M4Settings`."""
+    """points: most used of a cloud. neighbours, together, rounds: as in `M4Settings`."""
 
     points: int = 8192
     neighbours: int = 12
     together: bool = True
-    rounds: int = 2
+    rounds: int = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
     """planes: K refined planes, in the order and with the confidences given.
 
-    residuals (K,): mean distance of mirrored points from the local plane at the nearest point, in the cloud's units.
     kept (K,) bool: where the given plane fitted better than any other found and was kept.
     """
 
     planes: Planes
-    residuals: np.ndarray
     kept: np.ndarray
 
 
+@torch.inference_mode()
 def refine_planes(points, planes: Planes, settings: RefineSettings | None = None) -> Refined:
     """Refine the planes that some method found, from errors of up to about 5° and 5 % of the cloud's size.
 
-    A plane moves only where its mirror image then fits the cloud better, and no further than 12° and 12 %.
+    A plane moves only where its mirror image then fits the cloud's density better, and no further than 12° and 12 %.
 
     Args:
         points: (N, 3) tensor or array; as `symshrec.methods.m4.detection.detect_planes` takes them.
@@ -62,25 +59,32 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
     settings = settings or RefineSettings()
     frame = frame_of(points, settings.points)
     if frame is None or not len(planes):
-        return Refined(planes, np.zeros(len(planes)), np.ones(len(planes), dtype=bool))
-    surface = local_surface(frame.points, settings.neighbours, SURFACE_SCALES)
+        return Refined(planes, np.ones(len(planes), dtype=bool))
     given = frame.of(planes)
-    normals, offsets = _refined(surface, *given, frame.prefix(COARSE_POINTS), frame.prefix(FINE_POINTS), settings)
-    rows = frame.prefix(len(frame.points))
-    worse = _misfits(surface, normals, offsets, rows) > _misfits(surface, *given, rows)
-    cosines = (normals * given[0]).sum(1)
-    worse |= cosines.abs() < np.cos(np.deg2rad(FARTHEST_DEG))
-    worse |= (offsets * cosines.sign() - given[1]).abs() > FARTHEST
-    normals = torch.where(worse[:, None], given[0], normals)
-    offsets = torch.where(worse, given[1], offsets)
-    residuals = frame.scale * _residuals(surface, normals, offsets, rows).double().cpu().numpy()
+    ladder = densities(frame.points)
+    normals, offsets, misfits = _ascended(frame.points, ladder, *given, settings.together)
+    alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
+    ascent = normals.clone(), offsets.clone()
+    order = torch.argsort(misfits, stable=True)
+    sure = order[misfits[order] < misfits.min() + TIED]
+    for rows, together in [(sure, settings.together)] + [(row[None], False) for row in order[len(sure) :]]:
+        normals[rows], offsets[rows] = aligned(frame.points, normals[rows], offsets[rows], together, alignment)
+    for fallback in (ascent, given):
+        worse = divergence(ladder[-1], frame.points, normals, offsets)
+        worse = worse > divergence(ladder[-1], frame.points, *fallback) + (0 if fallback is given else TIED)
+        if fallback is given:
+            cosines = (normals * given[0]).sum(1)
+            worse |= cosines.abs() < np.cos(np.deg2rad(FARTHEST_DEG))
+            worse |= (offsets * cosines.sign() - given[1]).abs() > FARTHEST
+        normals = torch.where(worse[:, None], fallback[0], normals)
+        offsets = torch.where(worse, fallback[1], offsets)
     kept = worse.cpu().numpy()
     found = frame.planes(normals, offsets, planes.confidences)
     where = kept[:, None]
     exact = Planes(
         np.where(where, planes.normals, found.normals), np.where(where, planes.points, found.points), planes.confidences
     )
-    return Refined(exact, residuals, kept)
+    return Refined(exact, kept)
 
 
 def refined(points, planes: Planes) -> Planes:
@@ -88,71 +92,45 @@ def refined(points, planes: Planes) -> Planes:
     return refine_planes(points, planes).planes
 
 
-def _refined(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor, settings) -> tuple[Tensor, Tensor]:
-    normals, offsets, misfits = _best_start(surface, normals, offsets, coarse, fine)
-    if settings.together:
+def _ascended(points: Tensor, ladder, normals: Tensor, offsets: Tensor, together: bool):
+    """The best of several ascents and of the start: normals, offsets and divergences at the finest bandwidth."""
+    some, more = points[:COARSE_POINTS], points[:FINE_POINTS]
+    *_, middle, fine = ladder
+    best = normals, offsets, divergence(middle, more, normals, offsets)
+    for start in STARTS:
+        there, places = normals, offsets
+        for density in ladder[start:-1]:
+            there, places = ascended(density, some, there, places, COARSE_STEPS, LONGEST_STEP)
+        best = _better(best, (there, places, divergence(middle, more, there, places)))
+    if together:
         for _ in range(2):
-            normals, offsets, misfits = _replaced(surface, normals, offsets, misfits, coarse, fine)
-    tied = misfits < TIED_MISFIT
-    rows = torch.arange(len(surface.points), device=normals.device)
-    for part, together in ((tied, settings.together), (~tied, False)):
-        if not part.any():
-            continue
-        here, there = normals[part], offsets[part]
-        relations = find_relations(here, there, RELATION_DEG, RELATION_DISTANCE) if together else None
-        here, there, _ = align(surface, here, there, fine, FINE_SCALES, 2, relations)
-        _, matches = mirrored_nearest(surface, here, there, rows)
-        pairs = Pairs(surface, rows, matches)
-        for scale in FINAL_SCALES:
-            here, there, blind = moved(pairs, here, there, scale, 1e-6, relations)
-        there = with_ends(surface, here, there, blind)
-        if part is tied:
-            here, there = sharpened(surface, here, there, relations, settings.rounds)
-        normals[part], offsets[part] = here, there
-    return normals, offsets
+            best = _better(best, _images(ladder, some, more, *best))
+    tied = (best[2] < best[2].min() + TIED) & together
+    normals, offsets = ascended(fine, more, best[0], best[1], FINE_STEPS, LONGEST_STEP, tied)
+    return normals, offsets, divergence(fine, points, normals, offsets)
 
 
-def _best_start(surface: Surface, normals, offsets, coarse: Tensor, fine: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Of the planes aligned from a large scale on, from a small one, and as given, each time what fits best."""
-    best = normals.clone(), offsets.clone(), _misfits(surface, normals, offsets, fine)
-    for scales in COARSE_SCALES:
-        there, distances, blind = align(surface, normals, offsets, coarse, scales)
-        distances = with_ends(surface, there, distances, blind)
-        misfits = _misfits(surface, there, distances, fine)
-        better = misfits < best[2]
-        for kept, new in zip(best, (there, distances, misfits), strict=True):
-            kept[better] = new[better]
-    return best
-
-
-def _replaced(surface: Surface, normals, offsets, misfits, coarse: Tensor, fine: Tensor):
-    """Planes that do not fit yet replaced by images of those that do in each other, where these are near and fit."""
-    good = misfits < TIED_MISFIT
-    if good.all() or good.sum() < 2:
-        return normals, offsets, misfits
-    images, image_offsets = (each.flatten(0, 1) for each in images_of_planes(normals[good], offsets[good]))
-    cosines = normals @ images.T
-    nearest = cosines.abs().argmax(1)
-    near = cosines.abs().amax(1) > np.cos(np.deg2rad(FARTHEST_DEG))
-    there, distances = images[nearest], image_offsets[nearest]
-    there, distances, _ = align(surface, there, distances, coarse, COARSE_SCALES[1])
-    better = near & ~good
-    new = _misfits(surface, there, distances, fine)
-    better &= new < misfits
-    return (
-        torch.where(better[:, None], there, normals),
-        torch.where(better, distances, offsets),
-        torch.where(better, new, misfits),
+def _better(best, other):
+    """Per plane the one of less divergence."""
+    better = other[2] < best[2]
+    return tuple(
+        torch.where(better.reshape(-1, *[1] * (old.dim() - 1)), new, old) for old, new in zip(best, other, strict=True)
     )
 
 
-def _misfits(surface: Surface, normals: Tensor, offsets: Tensor, rows: Tensor) -> Tensor:
-    return misfit(surface, rows, mirrored_nearest(surface, normals, offsets, rows)[0])
-
-
-def _residuals(surface: Surface, normals: Tensor, offsets: Tensor, rows: Tensor) -> Tensor:
-    """Mean distances (K,) of mirrored points from the local plane at the nearest point."""
-    _, nearest = mirrored_nearest(surface, normals, offsets, rows)
-    heights = normals @ surface.points[rows].T - offsets[:, None]
-    gaps = surface.points[rows] - 2 * heights[..., None] * normals[:, None] - surface.anchors[nearest]
-    return (gaps * surface.normals[nearest]).sum(-1).abs().mean(1)
+def _images(ladder, some: Tensor, more: Tensor, normals: Tensor, offsets: Tensor, misfits: Tensor):
+    """For planes that do not fit yet, images of those that do in each other, where near; with their divergences."""
+    good = misfits < misfits.min() + LIKELY
+    if good.all() or good.sum() < 2:
+        return normals, offsets, misfits
+    images, places = (each.flatten(0, 1) for each in images_of_planes(normals[good], offsets[good]))
+    cosines = normals @ images.T
+    nearest = cosines.abs().argmax(1)
+    near = (cosines.abs().amax(1) > np.cos(np.deg2rad(FARTHEST_DEG))) & ~good
+    there, distances = ascended(ladder[-2], some, images[nearest], places[nearest], COARSE_STEPS, LONGEST_STEP)
+    fit = divergence(ladder[-2], more, there, distances)
+    return (
+        torch.where(near[:, None], there, normals),
+        torch.where(near, distances, offsets),
+        torch.where(near, fit, misfits),
+    )

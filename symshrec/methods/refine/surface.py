@@ -1,13 +1,10 @@
-"""M4 step 4: the local planes of a cloud by re-weighted PCA, and how surely each point lies on the surface."""
-
-from dataclasses import dataclass, replace
+"""M4 step 4: nearest neighbours, and the local planes of a cloud by re-weighted PCA."""
 
 import numpy as np
 import torch
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-SURFACE_SCALES = (0.02, 0.01, 0.005, 0.003)
 CELLS = 1 << 25  # distances held at once where no kd-tree is used
 PARALLEL_ROWS = 1e-14  # squared length, relative to the trace, below which a matrix has no single smallest eigenvector
 
@@ -36,60 +33,17 @@ class Neighbours:
         return distances, nearest
 
 
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """N points and what surrounds them.
-
-    points (N, 3) float32. anchors, normals (N, 3): a point and the unit normal of the local plane. certainty (N,) in
-    [0, 1]: how surely the point lies on the surface, from its distance to the local plane and from how many of its
-    neighbours lie in it. nearest (N, k): neighbours, nearest first, the point itself among them; spacing (N,): distance
-    to the nearest other point.
-    """
-
-    points: Tensor
-    anchors: Tensor
-    normals: Tensor
-    certainty: Tensor
-    nearest: Tensor
-    spacing: Tensor
-    neighbours: Neighbours
-
-
-def local_surface(points: Tensor, neighbours: int, scales: tuple[float, ...]) -> Surface:
-    """Local planes by PCA over the nearest points, re-weighted by (1 + (distance / scale)²)⁻² at each of the scales.
+def local_planes(around: Tensor, scales: tuple[float, ...]) -> tuple[Tensor, Tensor]:
+    """Planes through what lies around N points, by PCA re-weighted by (1 + (distance / scale)²)⁻² at each scale.
 
     Args:
-        points: (N, 3) float32, N at least 2.
-        neighbours: points in each local plane, itself included; N where that is less.
+        around: (N, k, 3), the neighbours' places relative to each point.
         scales: falling; the last is about the distance that is still called on the surface.
+
+    Returns:
+        Unit normals (N, 3), and certainties (N,) in [0, 1]: how surely the point itself lies on the surface, from its
+        distance to the plane and from how many of its neighbours lie in it.
     """
-    lookup = Neighbours(points)
-    distances, nearest = lookup.query(points, min(neighbours, len(points)))
-    normals, means, certainty = _local_planes(points[nearest] - points[:, None], scales)
-    return Surface(points, points + means, normals, certainty, nearest, distances[:, 1], lookup)
-
-
-def symmetrised(surface: Surface, images: Tensor, mirror_back, neighbours: int, scales: tuple[float, ...]) -> Surface:
-    """The surface with local planes that count the mirrored cloud's points as neighbours as well.
-
-    Every symmetry adds a sample of the same surface, so exact points stand out more clearly from noisy ones. Planes go
-    through the points themselves, which makes the alignment that follows blind to where the images were.
-
-    Args:
-        images: (K, N, 3), the points mirrored across K planes of symmetry.
-        mirror_back: maps points (K, N, n, 3) across the same planes.
-        neighbours: n, points taken from each mirrored cloud.
-    """
-    points = surface.points
-    _, nearest = surface.neighbours.query(images, min(neighbours, len(points)))  # (K, N, n)
-    others = mirror_back(points[nearest]).permute(1, 0, 2, 3).reshape(len(points), -1, 3)
-    around = torch.cat([points[surface.nearest], others], 1) - points[:, None]
-    normals, _, certainty = _local_planes(around, scales)
-    return replace(surface, anchors=points, normals=normals, certainty=certainty)
-
-
-def _local_planes(around: Tensor, scales: tuple[float, ...]) -> tuple[Tensor, Tensor, Tensor]:
-    """Normals (N, 3), points of the planes (N, 3) and certainties (N,) from the neighbours' places (N, k, 3)."""
     x, y, z = around.unbind(-1)  # (N, k) each
     weights = torch.ones_like(x)
     for scale in scales:
@@ -102,7 +56,7 @@ def _local_planes(around: Tensor, scales: tuple[float, ...]) -> tuple[Tensor, Te
         heights = u * normals[:, :1] + v * normals[:, 1:2] + w * normals[:, 2:]
         weights = falling(heights / scale)
     own = (means * normals).sum(1) / scales[-1]
-    return normals, means, falling(own) * weights.mean(1)
+    return normals, falling(own) * weights.mean(1)
 
 
 def falling(ratios: Tensor) -> Tensor:
