@@ -1,13 +1,22 @@
 """Speeds as ratios within one run: `python experiments/bench.py` (run it on an idle machine)."""
 
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from omegaconf import DictConfig
 
 from symshrec.configs import benchmark_of, entry, load
+from symshrec.detection import method_of
 from symshrec.provenance import hardware
-from symshrec.reporting.benchmarks import generator_timings, m3_timing, scoring_timing, timings_grid
+from symshrec.reporting.benchmarks import (
+    Timing,
+    benchmark_clouds,
+    generator_timings,
+    method_timings,
+    scoring_timing,
+    timings_grid,
+)
 from symshrec.reporting.typeset import markdown
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
@@ -16,17 +25,23 @@ PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.be
 @entry
 def bench(config: DictConfig) -> None:
     """Time each part, print a line as it is done, then the table."""
-    benchmark = benchmark_of(load(PAPER_SIZED))
     timings = []
-    with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
-        for timing in generator_timings(benchmark, Path(folder), config.workers):
-            timings.append(timing)
-            print(f"{timing.what}: {timing.ours}", flush=True)
-    for work in (scoring_timing, lambda: m3_timing(benchmark)):
-        timings.append(work())
-        print(f"{timings[-1].what}: {timings[-1].ours}", flush=True)
+    for timing in _timings(config.workers):
+        timings.append(timing)
+        print(f"{timing.what}: {timing.ours}", flush=True)
     machine = hardware()
-    print(f"\n{markdown(timings_grid(timings))}\n{machine['cpu']}, {machine['cores']} cores")
+    print(
+        f"\n{markdown(timings_grid(timings))}\n{machine['cpu']}, {machine['cores']} cores, {machine['gpu'] or 'no GPU'}"
+    )
+
+
+def _timings(workers: int) -> Iterator[Timing]:
+    benchmark = benchmark_of(load(PAPER_SIZED))
+    with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
+        yield from generator_timings(benchmark, Path(folder), workers)
+    yield scoring_timing()
+    m3, m4 = (method_of(load([f"method={name}"])) for name in ("m3", "m4"))
+    yield from method_timings(m3, m4, benchmark_clouds(benchmark))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from symshrec.predictions import WHOLE
 from symshrec.reporting.compared import compare_runs
 from symshrec.reporting.figures import make_result_figures
 from symshrec.reporting.refinement import write_refinement
-from symshrec.reporting.results import provenance, read_result
+from symshrec.reporting.results import is_oracle, provenance, read_result
 from symshrec.reporting.tables import write_tables
 
 
@@ -35,7 +35,8 @@ def tables(config: DictConfig) -> None:
     paths = {name: runs / name / "predictions" / WHOLE for name in main}
     compared = compare_runs(paths, datamodule_of(config).split(config.data.test_split))
     refined, text = write_refinement(compared, results, provenance(finished))
-    written += refined + make_result_figures(finished, results, list(compared.values()))
+    searched = [run for name, run in compared.items() if not is_oracle(main[name])]
+    written += refined + make_result_figures(finished, results, searched)
     print(text)
     print("\n".join(f"written: {path}" for path in written))
     if missing := [name for name in config.tables if name not in main]:

@@ -108,6 +108,17 @@ class M4Config(MethodConfig):
 
 
 @dataclass
+class TruthConfig(MethodConfig):
+    """The oracle; see symshrec.methods.truth.Truth."""
+
+    _target_: str = "symshrec.methods.truth.Truth"
+    name: str = "truth"
+    angle_deg: float = 0.3
+    offset: float = 0.003
+    refine: bool = True
+
+
+@dataclass
 class ToleranceConfig:
     """Angles in degrees and distances as shares of the diagonal; every pair is scored (§2.3)."""
 
@@ -163,7 +174,7 @@ class Config:
     tables: list[str] = field(default_factory=list)
 
 
-METHODS = {"m3": M3Config, "m4": M4Config}
+METHODS = {"m3": M3Config, "m4": M4Config, "truth": TruthConfig}
 
 
 def conf_folder() -> Path:

@@ -170,6 +170,7 @@ def _record(config, folder: Path, data, method, store: PredictionStore, keeper: 
         "name": config.title,
         "method": config.method.name,
         "run": config.run.name,
+        "oracle": method.oracle,
         "scores": [row._asdict() for row in grouped(scores, labels)],
         "precision_recall": _curves(scores),
         "data": {

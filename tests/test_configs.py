@@ -12,12 +12,14 @@ from symshrec.configs import benchmark_of, conf_folder, load
 from symshrec.evaluation import datamodule_of, method_of
 from symshrec.methods.m3.detection import M3Settings
 from symshrec.methods.m4.detection import M4Settings
+from symshrec.methods.truth import Truth
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
-M4 = ["method=m4"]
-NEEDS = {"data/official": ["data.root=somewhere"], "run/m4": M4, "run/sharp": M4, "run/fast": M4}
-ROWS = ("m3_r1", "m3_r2", "m4", "m4_fast", "m3_r1_refine", "m3_r2_refine")
+RUNS = {"m4": ("m4", "sharp", "fast"), "truth": ("truth", "near", "exact")}  # of which method; the others are m3's
+NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
+NEEDS["data/official"] = ["data.root=somewhere"]
+ROWS = ("m3_r1", "m3_r2", "m4", "m4_fast", "m3_r1_refine", "m3_r2_refine", "oracle")
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)
@@ -92,3 +94,9 @@ def test_a_sweep_with_one_bad_value_fails_before_its_first_job():
 @pytest.mark.parametrize(("method", "settings"), [("m3", M3Settings()), ("m4", M4Settings())])
 def test_the_schema_and_the_code_have_the_same_defaults(method, settings):
     assert method_of(load([f"method={method}"])).settings == settings
+
+
+def test_the_oracle_is_refined_from_beside_the_truth():
+    oracle, default = method_of(load(["experiment=oracle"])), Truth()
+    assert (oracle.angle_deg, oracle.offset, oracle.refine) == (default.angle_deg, default.offset, default.refine)
+    assert min(oracle.angle_deg, 100 * oracle.offset) > 0.1  # the tight table's: where it stays, it does not count

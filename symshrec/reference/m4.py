@@ -6,12 +6,18 @@ from scipy.spatial import cKDTree
 
 from symshrec.planes import Planes
 
+MIDDLE_MISFIT, STEEPNESS = 1.07, 40.0
+
 
 def detect_planes(points: np.ndarray, directions=1500, candidates=24, size=64, steps=15, separation_deg=5.0) -> Planes:
     """The mirror planes of a well-formed cloud (N, 3), one candidate and one kd-tree search at a time.
 
     Density volume, every direction through the centroid scored by the density at the mirrored points, the best
-    directions refined by robust point-to-plane least squares on all points, confidence from the residual.
+    directions refined by robust point-to-plane least squares on all points. Confidence from the mean distance of
+    mirrored points to the nearest point, over that between neighbours in the cloud itself: 1 where the plane is true.
+
+    On the track's clouds it finds what M4 finds at the published tolerance, and is less exact. Planes are neither
+    estimated together nor sharpened, and parts that are missing in the cloud are not allowed for.
     """
     points = np.asarray(points, dtype=np.float64)
     centre, diagonal = points.mean(0), np.linalg.norm(np.ptp(points, axis=0))
@@ -20,7 +26,8 @@ def detect_planes(points: np.ndarray, directions=1500, candidates=24, size=64, s
     counts, _ = np.histogramdd(cloud, bins=size, range=[(-size * cell / 2, size * cell / 2)] * 3)
     volume = gaussian_filter(counts, 0.03 / cell)
     tree = cKDTree(cloud)
-    _, nearest = tree.query(cloud, 16)
+    distances, nearest = tree.query(cloud, 16)
+    spacing = distances[:, 1].mean()
     surface_normals = np.array([np.linalg.eigh(np.cov(cloud[rows].T))[1][:, 0] for rows in nearest])
 
     rows = np.arange(directions)
@@ -36,14 +43,15 @@ def detect_planes(points: np.ndarray, directions=1500, candidates=24, size=64, s
 
     kept = []
     for normal in normals[peaks]:
-        normal, offset, residual = _refined(cloud, tree, surface_normals, normal, steps)
-        kept.append((residual, normal, offset))
+        normal, offset, distance = _refined(cloud, tree, surface_normals, normal, steps)
+        kept.append((distance / spacing, normal, offset))
     chosen = []
-    for residual, normal, offset in sorted(kept, key=lambda each: each[0]):
+    for misfit, normal, offset in sorted(kept, key=lambda each: each[0]):
         if all(abs(normal @ other) < np.cos(np.deg2rad(separation_deg)) for _, other, _ in chosen):
-            chosen.append((residual, normal, offset))
-    residuals, normals, offsets = (np.array(column) for column in zip(*chosen, strict=True))
-    return Planes(normals, normals * offsets[:, None] * diagonal + centre, np.exp(-residuals / 0.01))
+            chosen.append((misfit, normal, offset))
+    misfits, normals, offsets = (np.array(column) for column in zip(*chosen, strict=True))
+    confidences = 1 / (1 + np.exp(np.minimum(STEEPNESS * (misfits - MIDDLE_MISFIT), 100)))
+    return Planes(normals, normals * offsets[:, None] * diagonal + centre, confidences)
 
 
 def _mirrored(points, normal, offset):

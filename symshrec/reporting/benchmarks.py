@@ -2,25 +2,32 @@
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import torch
 from threadpoolctl import threadpool_limits
+from torch import Tensor
 
+from symshrec.benchmark.cloud import LabelledCloud
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.official import write_track
 from symshrec.benchmark.shards import ShardedSplit
-from symshrec.methods.m3.detection import M3Settings, detect_planes, spatial_order
+from symshrec.datamodule import collate
+from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.m3.detection import spatial_order
 from symshrec.metrics import evaluate
 from symshrec.planes import PackedPlanes, Planes
 from symshrec.reference import m3 as plain_m3
+from symshrec.reference import m4 as plain_m4
 from symshrec.reference.metrics import evaluate_plainly
 from symshrec.reporting.typeset import Grid, Text
 
 PUBLISHED_M3_SECONDS = "20–60 s"  # §3.3.1
+PUBLISHED_M1_SECONDS = "0.119 s with a GPU"  # §3.1.1: the network 8.742 ms, what follows it 110.123 ms
 
 
 @dataclass(frozen=True)
@@ -99,17 +106,53 @@ def _jittered(planes: Planes, rng: np.random.Generator) -> Planes:
     return Planes(normals, points, rng.uniform(size=2 * count))
 
 
-def m3_timing(config: BenchmarkConfig, clouds: int = 18) -> Timing:
-    """Median seconds a cloud of M3 (R1) on one core beside its straightforward implementation on the same clouds."""
-    split = next(iter(config.splits))
-    points = [generate_cloud(config, split, index).points.astype(np.float64) for index in range(clouds)]
-    settings = M3Settings()
+def benchmark_clouds(config: BenchmarkConfig, split: str = "test") -> list[LabelledCloud]:
+    """The clouds that methods are timed on, always the same: a whole split, balanced over the perturbations."""
+    return [generate_cloud(config, split, index) for index in range(config.splits[split].clouds)]
+
+
+def method_timings(m3: SymmetryMethod, m4: SymmetryMethod, clouds: Sequence[LabelledCloud]) -> Iterator[Timing]:
+    """Seconds a cloud of M3 (R1) and M4 on one core, beside plain versions of both and each other, on the same clouds.
+
+    Where there is a GPU, M4's on it too, a cloud's share of one batch of them all.
+    """
+    diffusion = _seconds_each(m3.detect, clouds)
+    plain = _seconds_each(lambda points: plain_m3.detect_planes(spatial_order(points.double().numpy())), clouds)
+    yield _medians(f"M3 (R1), median a cloud, one core, against a plain one (published: {PUBLISHED_M3_SECONDS})",
+                   diffusion, plain)  # fmt: skip
+    ours = _seconds_each(m4.detect, clouds)
+    plain = _seconds_each(lambda points: plain_m4.detect_planes(points.numpy()), clouds)
+    yield _medians(f"M4, median a cloud, one core, against a plain one (published, M1: {PUBLISHED_M1_SECONDS})",
+                   ours, plain)  # fmt: skip
+    yield Timing("M4, mean and longest, against the plain one's (ratio of means)",
+                 f"{ours.mean():.3f} s, {ours.max():.3f} s",
+                 f"{plain.mean():.3f} s, {plain.max():.3f} s", float(plain.mean() / ours.mean()))  # fmt: skip
+    yield _medians("M4, median a cloud, one core, against M3 (R1)", ours, diffusion)
+    if torch.cuda.is_available():
+        yield batch_timing(m4, clouds, float(ours.mean()), "cuda")
+
+
+def batch_timing(method: SymmetryMethod, clouds: Sequence[LabelledCloud], core_seconds: float, device: str) -> Timing:
+    """M4's mean seconds a cloud in one batch on a device, beside those on one core."""
+    batch = collate([(position, cloud, None) for position, cloud in enumerate(clouds)]).to(device)
+    method = method.to(device)
+    method.detect_batch(batch)
+    seconds = seconds_of(lambda: method.detect_batch(batch), repeats=3) / len(clouds)
+    return Timing(f"M4, mean a cloud, {len(clouds)} in a batch on {device}, against one core",
+                  f"{seconds:.4f} s", f"{core_seconds:.3f} s", core_seconds / seconds)  # fmt: skip
+
+
+def _seconds_each(find: Callable[[Tensor], object], clouds: Sequence[LabelledCloud]) -> np.ndarray:
+    """Seconds (C,) for every cloud on one core, the first of all done once before."""
+    points = [torch.from_numpy(cloud.points) for cloud in clouds]
     with threadpool_limits(1):
-        detect_planes(points[0], settings)
-        ours = np.median([seconds_of(lambda p=each: detect_planes(p, settings)) for each in points])
-        plain = np.median([seconds_of(lambda p=each: plain_m3.detect_planes(spatial_order(p))) for each in points])
-    return Timing(f"M3 (R1), median a cloud, one core, against a plain one (published: {PUBLISHED_M3_SECONDS})",
-                  f"{ours:.3f} s", f"{plain:.3f} s", plain / ours)  # fmt: skip
+        find(points[0])
+        return np.array([seconds_of(lambda p=each: find(p)) for each in points])
+
+
+def _medians(what: str, ours: np.ndarray, other: np.ndarray) -> Timing:
+    ours, other = np.median(ours), np.median(other)
+    return Timing(what, f"{ours:.3f} s", f"{other:.3f} s", float(other / ours))
 
 
 def timings_grid(timings: list[Timing]) -> Grid:

@@ -36,6 +36,11 @@ def source(result: dict) -> str:
     return result.get("file", f"the result {result['name']!r}")
 
 
+def is_oracle(result: dict) -> bool:
+    """Whether the run was told the true planes, so that it shows a limit and is no method to compare."""
+    return bool(result.get("oracle"))
+
+
 def tolerances(result: dict) -> list[tuple[float, float]]:
     """The pairs (θ in degrees, ε as a share of the diagonal) that the result was scored at, ascending."""
     return sorted({(float(score["theta_deg"]), float(score["epsilon"])) for score in result["scores"]})

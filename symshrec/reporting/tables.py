@@ -24,6 +24,7 @@ from symshrec.reporting.results import (
     TIGHT_THETA_DEG,
     check_comparable,
     find_score,
+    is_oracle,
     provenance,
     scored_at,
 )
@@ -36,11 +37,18 @@ HIDES = (
     "Bold: the best of ours. mAP and PHC forgive every missed plane. Recall-aware mAP divides by the number of "
     "true planes; count accuracy is the share of clouds with exactly the right number of planes."
 )
+ORACLE = (
+    "{} is no method and never bold: told the true planes, it shows what estimating them from the points loses even "
+    "when the search is perfect."
+)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One score in [0, 1]: ours (None without a run or without such a cloud) and published (None without a row)."""
+    """One score in [0, 1]: ours (None without a run or without such a cloud) and published (None without a row).
+
+    oracle: whether ours is of a run that was told the truth.
+    """
 
     table: int | str
     method: str
@@ -48,6 +56,7 @@ class Cell:
     group: str
     ours: float | None
     published: float | None
+    oracle: bool = False
 
     @property
     def difference(self) -> float | None:
@@ -75,6 +84,7 @@ def cells(layout: Layout, metric: str, results: Sequence[dict]) -> dict[str, lis
                 *(layout.table, method, metric, group),
                 ours=find_score(by_name[method], metric, group, *tolerances) if method in by_name else None,
                 published=published.get((layout.table, method, metric, group)),
+                oracle=method in by_name and is_oracle(by_name[method]),
             )
             for group in layout.groups
         ]
@@ -110,7 +120,7 @@ def _overall_grid(layout: Layout, results: Sequence[dict]) -> Grid:
     for by_method in by_metric.values():
         best = _best([cell for (cell,) in by_method.values()])
         for row, (cell,) in zip(rows, by_method.values(), strict=True):
-            row += [_text(cell.ours, layout.decimals, best), _text(cell.published, layout.decimals)]
+            row += [_ours(cell, layout.decimals, best), _text(cell.published, layout.decimals)]
             row.append(_text(cell.difference, layout.decimals, signed=True))
     header = ["method", *(name for m in PUBLISHED_METRICS for name in (f"{m} ↑ ours", "published", "difference"))]
     return Grid("mAP and PHC", header, rows)
@@ -123,7 +133,7 @@ def _stacked_grid(layout: Layout, metric: str, results: Sequence[dict]) -> Grid:
     rows = []
     for method, row in by_method.items():
         kinds = {
-            "ours": [_text(cell.ours, layout.decimals, b) for cell, b in zip(row, best, strict=True)],
+            "ours": [_ours(cell, layout.decimals, b) for cell, b in zip(row, best, strict=True)],
             "published": [_text(cell.published, layout.decimals) for cell in row],
             "difference": [_text(cell.difference, layout.decimals, signed=True) for cell in row],
         }
@@ -150,7 +160,7 @@ def _ours_grid(title: str, columns: Iterable[str], rows: dict[str, list[Cell]], 
     """Our rows alone: method → its cells."""
     best = [_best(column) for column in zip(*rows.values(), strict=True)]
     body = [
-        [Text(name), *(_text(cell.ours, layout.decimals, b) for cell, b in zip(row, best, strict=True))]
+        [Text(name), *(_ours(cell, layout.decimals, b) for cell, b in zip(row, best, strict=True))]
         for name, row in rows.items()
     ]
     return Grid(title, ["method", *columns], body)
@@ -166,9 +176,13 @@ def _solid_grid(layout: Layout, results: Sequence[dict]) -> Grid:
 
 
 def _best(column: Sequence[Cell]) -> float | None:
-    """The highest of ours, to be printed bold; None where there is nothing to compare."""
-    ours = [cell.ours for cell in column if cell.ours is not None]
+    """The highest of our methods', to be printed bold; None where there is nothing to compare."""
+    ours = [cell.ours for cell in column if cell.ours is not None and not cell.oracle]
     return max(ours) if len(ours) > 1 else None
+
+
+def _ours(cell: Cell, decimals: int, best: float | None) -> Text:
+    return _text(cell.ours, decimals, None if cell.oracle else best)
 
 
 def _text(value: float | None, decimals: int, best: float | None = None, signed: bool = False) -> Text:
@@ -216,7 +230,7 @@ def write_tables(
     pages += [_page(document, own) for document, own in beside if own]
     if several := swept(results):
         title, text = "Tolerance sweep: how mAP depends on θ and ε", csv_text(SWEEP_COLUMNS, sweep_rows(several))
-        pages.append(Page("sweep", title, sweep_grids(several), HIDES, provenance(several), text))
+        pages.append(Page("sweep", title, sweep_grids(several), _note(several), provenance(several), text))
     return write_pages(pages, folder)
 
 
@@ -224,4 +238,8 @@ def _page(document: Document, results: Sequence[dict]) -> Page:
     check_comparable(results)
     grids = [grid for layout in document.layouts for grid in table_grids(layout, results)]
     rows = (row for layout in document.layouts for row in table_rows(layout, results))
-    return Page(document.name, document.title, grids, HIDES, provenance(results), csv_text(CSV_COLUMNS, rows))
+    return Page(document.name, document.title, grids, _note(results), provenance(results), csv_text(CSV_COLUMNS, rows))
+
+
+def _note(results: Sequence[dict]) -> str:
+    return " ".join([HIDES, *(ORACLE.format(result["name"]) for result in results if is_oracle(result))])

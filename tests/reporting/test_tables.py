@@ -96,6 +96,20 @@ def test_best_of_ours_is_bold_and_a_lone_row_is_not(tmp_path):
     assert "**" not in write_tables([low], tmp_path)[1]
 
 
+def test_an_oracle_is_no_best_of_ours_and_is_explained(tmp_path):
+    low, high = a_result("M3 (R1)", TABLED, value=lambda *_: 0.25), a_result("M4", TABLED, value=lambda *_: 0.75)
+    for score in (0.75, 0.875):
+        oracle = a_result("Truth + refine", TABLED, value=lambda *_, score=score: score) | {"oracle": True}
+        _, text = write_tables([low, high, oracle], tmp_path)
+        rows = [line for line in text.splitlines() if line.startswith("| Truth + refine")]
+        assert rows
+        assert not any("**" in row for row in rows)
+        assert "**0.750**" in (tmp_path / "table_tight.md").read_text()
+        assert "Truth + refine is no method" in (tmp_path / "table_tight.md").read_text()
+        assert "**" not in write_tables([low, oracle], tmp_path)[1]
+    assert "is no method" not in write_tables([low, high], tmp_path)[1]
+
+
 @pytest.mark.parametrize(("metric", "group"), [("mAP", "P3"), ("PHC", "all"), ("recall", "egg_keplero")])
 def test_missing_score_is_named_and_nothing_is_written(tmp_path, metric, group):
     result = a_result("M4") | {"file": "runs/quick/m4/metrics.json"}
