@@ -103,7 +103,7 @@ class M4Config(MethodConfig):
     separation_deg: float = 5.0
     max_planes: int = 40
     together: bool = True
-    rounds: int = 3
+    rounds: int = 10
     calibration: list[float] = field(default_factory=lambda: [1.793, -108.481, -38.695, 220.276])
 
 

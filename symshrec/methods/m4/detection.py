@@ -38,7 +38,7 @@ class M4Settings:
         separation_deg: least angle between two planes, in degrees.
         max_planes: most planes returned.
         together: whether planes whose images in each other are planes as well are estimated together.
-        rounds: of point-to-plane alignment; 0 suffices for 1° and 1 %.
+        rounds: of point-to-plane alignment at most; 0 suffices for 1° and 1 %.
         calibration: intercept and weights of the logistic regression that gives confidences (see `confidence`).
 
     Raises:
@@ -52,7 +52,7 @@ class M4Settings:
     separation_deg: float = 5.0
     max_planes: int = 40
     together: bool = True
-    rounds: int = 3
+    rounds: int = 10
     calibration: tuple[float, ...] = CALIBRATION
 
     def __post_init__(self):

@@ -29,7 +29,7 @@ class M4(SymmetryMethod):
         separation_deg: float = 5.0,
         max_planes: int = 40,
         together: bool = True,
-        rounds: int = 3,
+        rounds: int = 10,
         calibration: tuple[float, ...] = CALIBRATION,
         count_threshold: float = 0.5,
         workers: int = 0,

@@ -31,11 +31,11 @@ SLIDING = 0.03  # mean squared cosine between plane and surface normals below wh
 
 @dataclass(frozen=True)
 class AlignmentSettings:
-    """points: mirrored in each plane. neighbours: points in a local plane. rounds: 0 leaves planes as they are."""
+    """points: mirrored in each plane. neighbours: points in a local plane. rounds: at most; 0 leaves planes alone."""
 
     points: int = 2000
     neighbours: int = 12
-    rounds: int = 3
+    rounds: int = 10
 
 
 def aligned(

@@ -28,7 +28,7 @@ class RefineSettings:
     points: int = 8192
     neighbours: int = 12
     together: bool = True
-    rounds: int = 3
+    rounds: int = 10
 
 
 @dataclass(frozen=True, eq=False)
