@@ -3,7 +3,7 @@
 import functools
 import json
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -15,9 +15,12 @@ from torch import Tensor
 
 from symshrec.configs import conf_folder, load
 from symshrec.methods import DEFAULT
-from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.detector import SETTINGS, Detector, training_free
 from symshrec.methods.refine import refined
 from symshrec.planes import Planes
+
+if TYPE_CHECKING:
+    from symshrec.methods.base import SymmetryMethod  # Lightning, which takes seconds to import
 
 MOST_POINTS = 100_000  # that a method is given, unless told
 STRAIGHT = 1e-6  # of the spread: thinner in two directions, a cloud is a line; well above the rounding of float32
@@ -33,7 +36,7 @@ class TensorPlanes(NamedTuple):
 
 def detect(
     points: np.ndarray | Tensor,
-    method: str | SymmetryMethod = DEFAULT,
+    method: str | Detector = DEFAULT,
     *,
     min_confidence: float | None = None,
     max_planes: int | None = None,
@@ -69,7 +72,9 @@ def detect(
     device = points.device if isinstance(points, Tensor) else torch.device("cpu")
     with torch.no_grad():
         seen = torch.from_numpy(frame.normalised(max_points)).to(device)
-        found = detector.to(device).eval().detect(seen)
+        if isinstance(detector, torch.nn.Module):
+            detector.to(device).eval()
+        found = detector.detect(seen)
         found = (refined(seen, found) if detector.refine else found).ranked()
     planes = frame.restored(found[found.confidences >= threshold][:max_planes])
     return _as_tensors(planes, points) if isinstance(points, Tensor) else planes
@@ -122,7 +127,7 @@ class Frame:
         return planes.transformed(translation=self.centre + self.centroid)
 
 
-def named_method(name: str, **arguments) -> SymmetryMethod:
+def named_method(name: str, **arguments) -> Detector:
     """A method of conf/method with some arguments of its own; made once and kept.
 
     Raises:
@@ -132,7 +137,7 @@ def named_method(name: str, **arguments) -> SymmetryMethod:
 
 
 @functools.lru_cache(maxsize=8)
-def _made(name: str, arguments: str) -> SymmetryMethod:
+def _made(name: str, arguments: str) -> Detector:
     names = sorted(path.stem for path in (conf_folder() / "method").glob("*.yaml"))
     if name not in names:
         raise ValueError(f"there is no method {name!r}; there is {', '.join(names)}")
@@ -145,12 +150,14 @@ def _made(name: str, arguments: str) -> SymmetryMethod:
     except OmegaConfBaseException as error:
         raise ValueError(f"method {name}: {str(error).splitlines()[0]}") from error
     try:
+        if name in SETTINGS:
+            return training_free(name, **{key: config.method[key] for key in valid if key != "workers"})
         return method_of(config)
-    except InstantiationException as error:
-        raise ValueError(f"method {name}: {error.__cause__}") from error
+    except (ValueError, InstantiationException) as error:
+        raise ValueError(f"method {name}: {error.__cause__ or error}") from error
 
 
-def method_of(config: DictConfig) -> SymmetryMethod:
+def method_of(config: DictConfig) -> "SymmetryMethod":
     """The method that `config.method` describes."""
     arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
     method = instantiate(arguments, _convert_="all")
@@ -158,7 +165,7 @@ def method_of(config: DictConfig) -> SymmetryMethod:
     return method
 
 
-def _detector(method: str | SymmetryMethod, arguments: dict) -> SymmetryMethod:
+def _detector(method: str | Detector, arguments: dict) -> Detector:
     if isinstance(method, str):
         return named_method(method, **arguments)
     if arguments:

@@ -8,7 +8,8 @@ import pytest
 import torch
 
 import symshrec
-from symshrec.detection import STRAIGHT, named_method
+from symshrec.configs import load
+from symshrec.detection import STRAIGHT, method_of, named_method
 from symshrec.methods.base import SymmetryMethod
 from symshrec.planes import Planes, axis_angles
 
@@ -112,10 +113,24 @@ def test_a_method_by_name_takes_its_arguments_and_is_made_once():
         (("m3", {"neighbors": 5}), "method m3 has no argument 'neighbors'; it has .*neighbours"),
         (("m3", {"neighbours": "many"}), "method m3: Value 'many'"),
         (("m3", {"neighbours": -1}), "method m3: neighbours is -1"),
+        (("m4", {"steepness": -1, "refine": True}), "method m4: steepness is -1"),
     ):
         name, settings = arguments[0], dict(*arguments[1:])
         with pytest.raises(ValueError, match=problem):
             named_method(name, **settings)
+
+
+@pytest.mark.parametrize("name", ["m3", "m4"])
+@pytest.mark.parametrize("refine", [False, True])
+def test_a_method_by_name_finds_what_its_lightning_module_finds(name, refine):
+    points, arguments = box_points(2000) @ ROTATION.T + 3, {"neighbours": 20, "refine": refine, "workers": 1}
+    by_name = symshrec.detect(points, name, min_confidence=0, **arguments)
+    ready = method_of(load([f"method={name}", *(f"method.{key}={value}" for key, value in arguments.items())]))
+    by_module = symshrec.detect(points, ready, min_confidence=0)
+    assert len(by_name)
+    assert named_method(name, **arguments).count_threshold == ready.count_threshold
+    for field in ("normals", "points", "confidences"):
+        np.testing.assert_array_equal(getattr(by_name, field), getattr(by_module, field))
 
 
 @pytest.mark.parametrize("given", [np.asarray, torch.from_numpy])
@@ -167,6 +182,15 @@ def test_what_has_no_answer(points, problem):
 def test_a_thin_cloud_is_no_line():
     thin = box_points() * [1, 100 * STRAIGHT, 0]
     assert len(symshrec.detect(thin, BoxMethod(), min_confidence=0)) == 3
+
+
+def test_detection_does_not_wait_for_lightning():
+    check = (
+        "import sys, numpy, symshrec; symshrec.detect(numpy.random.default_rng(0).normal(size=(100, 3)))\n"
+        "print(*{'lightning', 'torchmetrics', 'sklearn', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", check], check=True, capture_output=True, text=True)
+    assert done.stdout.split() == []
 
 
 def test_importing_the_package_is_light():
