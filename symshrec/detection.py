@@ -2,6 +2,7 @@
 
 import functools
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from symshrec.methods.base import SymmetryMethod  # Lightning, which takes seconds to import
 
 MOST_POINTS = 100_000  # that a method is given, unless told
+BLOCK = 65_536  # points of a larger cloud that are worked on at once, so that no second one of its size is held
 STRAIGHT = 1e-6  # of the spread: thinner in two directions, a cloud is a line; well above the rounding of float32
 
 
@@ -96,7 +98,7 @@ class Frame:
         Raises:
             ValueError: for a cloud that has no definite mirror planes.
         """
-        low, high = points.min(axis=0), points.max(axis=0)
+        low, high = (np.array([end(column) for column in points.T]) for end in (np.min, np.max))  # ten times axis=0
         with np.errstate(over="ignore"):
             diagonal = float(np.linalg.norm(high - low))
         if not np.isfinite(diagonal):
@@ -104,9 +106,9 @@ class Frame:
         if diagonal <= np.finfo(np.float64).tiny:
             raise ValueError(f"all points ({len(points)}) are in one place, which has no definite mirror planes")
         centre = low + (high - low) / 2
-        centred = (points - centre) / diagonal
-        centroid = centred.mean(axis=0)
-        spread = np.linalg.eigvalsh((centred - centroid).T @ (centred - centroid))
+        centroid = sum(block.sum(axis=0) for block in _blocks(points, centre, diagonal)) / len(points)
+        middle = centre + centroid * diagonal
+        spread = np.linalg.eigvalsh(sum(block.T @ block for block in _blocks(points, middle, diagonal)))
         if spread[1] <= STRAIGHT**2 * spread[2]:
             raise ValueError(
                 f"all points ({len(points)}) are on a straight line, and every plane through it mirrors them; give "
@@ -125,6 +127,12 @@ class Frame:
         """Planes of the frame in the cloud's own coordinates, each through the foot of the centroid."""
         planes = planes.transformed(scale=self.diagonal, translation=-self.centroid).canonical()
         return planes.transformed(translation=self.centre + self.centroid)
+
+
+def _blocks(points: np.ndarray, middle: np.ndarray, scale: float) -> Iterator[np.ndarray]:
+    """The points about `middle` in units of `scale`, (BLOCK, 3) at a time."""
+    for start in range(0, len(points), BLOCK):
+        yield (points[start : start + BLOCK] - middle) / scale
 
 
 def named_method(name: str, **arguments) -> Detector:
@@ -190,8 +198,8 @@ def _as_array(points: np.ndarray | Tensor) -> np.ndarray:
         zeros = "; add a column of zeros to a planar cloud" if points.ndim == 2 and points.shape[1] == 2 else ""
         raise ValueError(f"points are {points.dtype} {points.shape}, expected real numbers (N ≥ 1, 3){zeros}")
     points = points.astype(np.float64, copy=False)
-    finite = np.isfinite(points).all(axis=1)
-    if not finite.all():
+    if not np.isfinite(points).all():
+        finite = np.isfinite(points).all(axis=1)
         first, count = int(np.argmin(finite)), int((~finite).sum())
         raise ValueError(f"point {first} is {points[first].tolist()} ({count} such); remove what is not finite")
     return points

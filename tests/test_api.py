@@ -8,8 +8,9 @@ import pytest
 import torch
 
 import symshrec
+from symshrec import detection
 from symshrec.configs import load
-from symshrec.detection import STRAIGHT, method_of, named_method
+from symshrec.detection import STRAIGHT, Frame, method_of, named_method
 from symshrec.methods.base import SymmetryMethod
 from symshrec.planes import Planes, axis_angles
 
@@ -155,6 +156,31 @@ def test_special_shapes_have_planes_through_their_middle(name):
     assert len(planes)
     heights = np.einsum("kd,kd->k", planes.normals, planes.points - middle)
     assert np.abs(heights).max() < 0.05 * diagonal
+
+
+def test_a_cloud_without_symmetry_has_no_plane():
+    rng = np.random.default_rng(0)
+    walk = np.cumsum(rng.normal(size=(60, 3)), axis=0)
+    points = walk[rng.integers(0, 60, 4000)] + 0.3 * rng.normal(size=(4000, 3))
+    assert len(symshrec.detect(points, METHOD)) == 0
+
+
+def test_duplicates_change_no_plane():
+    once, thrice = (symshrec.detect(np.repeat(box_points(), times, axis=0), METHOD) for times in (1, 3))
+    np.testing.assert_allclose(thrice.normals, once.normals, atol=1e-5)
+    np.testing.assert_allclose(thrice.confidences, once.confidences, atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_large_cloud_is_measured_in_blocks(count, monkeypatch):
+    points = box_points() @ ROTATION.T * [3, 1, 1] + [4.5e6, 5e5, 30.0]
+    whole = Frame.of(points)
+    monkeypatch.setattr(detection, "BLOCK", len(points) // count - 1)
+    frame = Frame.of(points)
+    np.testing.assert_array_equal(frame.centre, (points.min(axis=0) + points.max(axis=0)) / 2)
+    assert frame.diagonal == np.linalg.norm(np.ptp(points, axis=0))
+    np.testing.assert_allclose(frame.centroid, whole.centroid, atol=1e-9)
+    np.testing.assert_allclose(frame.centroid, (points - frame.centre).mean(axis=0), atol=1e-9)
 
 
 @pytest.mark.parametrize(
