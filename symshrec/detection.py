@@ -3,6 +3,7 @@
 import functools
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,7 +17,7 @@ from torch import Tensor
 
 from symshrec.configs import conf_folder, load
 from symshrec.methods import DEFAULT
-from symshrec.methods.detector import SETTINGS, Detector, training_free
+from symshrec.methods.detector import SETTINGS, Detector, one_thread, training_free
 from symshrec.methods.refine import refined
 from symshrec.planes import Planes
 
@@ -72,10 +73,10 @@ def detect(
     frame = Frame.of(_as_array(points))
     threshold = detector.count_threshold if min_confidence is None else min_confidence
     device = points.device if isinstance(points, Tensor) else torch.device("cpu")
-    with torch.no_grad():
+    if network := isinstance(detector, torch.nn.Module):
+        detector.to(device).eval()
+    with torch.no_grad(), nullcontext() if network else one_thread():
         seen = torch.from_numpy(frame.normalised(max_points)).to(device)
-        if isinstance(detector, torch.nn.Module):
-            detector.to(device).eval()
         found = detector.detect(seen)
         found = (refined(seen, found) if detector.refine else found).ranked()
     planes = frame.restored(found[found.confidences >= threshold][:max_planes])

@@ -12,6 +12,7 @@ from symshrec import detection
 from symshrec.configs import load
 from symshrec.detection import STRAIGHT, Frame, method_of, named_method
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.detector import TrainingFree
 from symshrec.planes import Planes, axis_angles
 
 METHOD = "m4"
@@ -132,6 +133,20 @@ def test_a_method_by_name_finds_what_its_lightning_module_finds(name, refine):
     assert named_method(name, **arguments).count_threshold == ready.count_threshold
     for field in ("normals", "points", "confidences"):
         np.testing.assert_array_equal(getattr(by_name, field), getattr(by_module, field))
+
+
+def test_a_training_free_method_computes_on_one_thread_and_gives_the_others_back():
+    threads = torch.get_num_threads()
+    seen = []
+    method = TrainingFree(
+        lambda points, _: seen.append(torch.get_num_threads()) or Planes.empty(), None, 0.5, False, False
+    )
+    try:
+        torch.set_num_threads(2)
+        symshrec.detect(box_points(), method)
+        assert (seen, torch.get_num_threads()) == ([1], 2)
+    finally:
+        torch.set_num_threads(threads)
 
 
 @pytest.mark.parametrize("given", [np.asarray, torch.from_numpy])
