@@ -2,8 +2,10 @@
 
 import functools
 import json
+from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
@@ -15,11 +17,15 @@ from torch import Tensor
 
 from symshrec.configs import conf_folder, load
 from symshrec.methods import DEFAULT
-from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.detector import SETTINGS, Detector, one_thread, training_free
 from symshrec.methods.refine import refined
 from symshrec.planes import Planes
 
+if TYPE_CHECKING:
+    from symshrec.methods.base import SymmetryMethod  # Lightning, which takes seconds to import
+
 MOST_POINTS = 100_000  # that a method is given, unless told
+BLOCK = 65_536  # points of a larger cloud that are worked on at once, so that no second one of its size is held
 STRAIGHT = 1e-6  # of the spread: thinner in two directions, a cloud is a line; well above the rounding of float32
 
 
@@ -33,7 +39,7 @@ class TensorPlanes(NamedTuple):
 
 def detect(
     points: np.ndarray | Tensor,
-    method: str | SymmetryMethod = DEFAULT,
+    method: str | Detector = DEFAULT,
     *,
     min_confidence: float | None = None,
     max_planes: int | None = None,
@@ -67,9 +73,11 @@ def detect(
     frame = Frame.of(_as_array(points))
     threshold = detector.count_threshold if min_confidence is None else min_confidence
     device = points.device if isinstance(points, Tensor) else torch.device("cpu")
-    with torch.no_grad():
+    if network := isinstance(detector, torch.nn.Module):
+        detector.to(device).eval()
+    with torch.no_grad(), nullcontext() if network else one_thread():
         seen = torch.from_numpy(frame.normalised(max_points)).to(device)
-        found = detector.to(device).eval().detect(seen)
+        found = detector.detect(seen)
         found = (refined(seen, found) if detector.refine else found).ranked()
     planes = frame.restored(found[found.confidences >= threshold][:max_planes])
     return _as_tensors(planes, points) if isinstance(points, Tensor) else planes
@@ -91,7 +99,7 @@ class Frame:
         Raises:
             ValueError: for a cloud that has no definite mirror planes.
         """
-        low, high = points.min(axis=0), points.max(axis=0)
+        low, high = (np.array([end(column) for column in points.T]) for end in (np.min, np.max))  # ten times axis=0
         with np.errstate(over="ignore"):
             diagonal = float(np.linalg.norm(high - low))
         if not np.isfinite(diagonal):
@@ -99,9 +107,9 @@ class Frame:
         if diagonal <= np.finfo(np.float64).tiny:
             raise ValueError(f"all points ({len(points)}) are in one place, which has no definite mirror planes")
         centre = low + (high - low) / 2
-        centred = (points - centre) / diagonal
-        centroid = centred.mean(axis=0)
-        spread = np.linalg.eigvalsh((centred - centroid).T @ (centred - centroid))
+        centroid = sum(block.sum(axis=0) for block in _blocks(points, centre, diagonal)) / len(points)
+        middle = centre + centroid * diagonal
+        spread = np.linalg.eigvalsh(sum(block.T @ block for block in _blocks(points, middle, diagonal)))
         if spread[1] <= STRAIGHT**2 * spread[2]:
             raise ValueError(
                 f"all points ({len(points)}) are on a straight line, and every plane through it mirrors them; give "
@@ -122,7 +130,13 @@ class Frame:
         return planes.transformed(translation=self.centre + self.centroid)
 
 
-def named_method(name: str, **arguments) -> SymmetryMethod:
+def _blocks(points: np.ndarray, middle: np.ndarray, scale: float) -> Iterator[np.ndarray]:
+    """The points about `middle` in units of `scale`, (BLOCK, 3) at a time."""
+    for start in range(0, len(points), BLOCK):
+        yield (points[start : start + BLOCK] - middle) / scale
+
+
+def named_method(name: str, **arguments) -> Detector:
     """A method of conf/method with some arguments of its own; made once and kept.
 
     Raises:
@@ -132,7 +146,7 @@ def named_method(name: str, **arguments) -> SymmetryMethod:
 
 
 @functools.lru_cache(maxsize=8)
-def _made(name: str, arguments: str) -> SymmetryMethod:
+def _made(name: str, arguments: str) -> Detector:
     names = sorted(path.stem for path in (conf_folder() / "method").glob("*.yaml"))
     if name not in names:
         raise ValueError(f"there is no method {name!r}; there is {', '.join(names)}")
@@ -145,12 +159,14 @@ def _made(name: str, arguments: str) -> SymmetryMethod:
     except OmegaConfBaseException as error:
         raise ValueError(f"method {name}: {str(error).splitlines()[0]}") from error
     try:
+        if name in SETTINGS:
+            return training_free(name, **{key: config.method[key] for key in valid if key != "workers"})
         return method_of(config)
-    except InstantiationException as error:
-        raise ValueError(f"method {name}: {error.__cause__}") from error
+    except (ValueError, InstantiationException) as error:
+        raise ValueError(f"method {name}: {error.__cause__ or error}") from error
 
 
-def method_of(config: DictConfig) -> SymmetryMethod:
+def method_of(config: DictConfig) -> "SymmetryMethod":
     """The method that `config.method` describes."""
     arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
     method = instantiate(arguments, _convert_="all")
@@ -158,7 +174,7 @@ def method_of(config: DictConfig) -> SymmetryMethod:
     return method
 
 
-def _detector(method: str | SymmetryMethod, arguments: dict) -> SymmetryMethod:
+def _detector(method: str | Detector, arguments: dict) -> Detector:
     if isinstance(method, str):
         return named_method(method, **arguments)
     if arguments:
@@ -183,8 +199,8 @@ def _as_array(points: np.ndarray | Tensor) -> np.ndarray:
         zeros = "; add a column of zeros to a planar cloud" if points.ndim == 2 and points.shape[1] == 2 else ""
         raise ValueError(f"points are {points.dtype} {points.shape}, expected real numbers (N ≥ 1, 3){zeros}")
     points = points.astype(np.float64, copy=False)
-    finite = np.isfinite(points).all(axis=1)
-    if not finite.all():
+    if not np.isfinite(points).all():
+        finite = np.isfinite(points).all(axis=1)
         first, count = int(np.argmin(finite)), int((~finite).sum())
         raise ValueError(f"point {first} is {points[first].tolist()} ({count} such); remove what is not finite")
     return points

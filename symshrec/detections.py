@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +24,10 @@ class Detection:
     planes: Planes
     residuals: np.ndarray
 
-    @property
+    @cached_property
     def diagonal(self) -> float:
         """Length of the diagonal of the cloud's axis-aligned box."""
-        return float(np.linalg.norm(np.ptp(self.cloud.points, axis=0)))
+        return float(np.linalg.norm([np.ptp(column) for column in self.cloud.points.T]))
 
     def rows(self) -> list[dict]:
         """One plane a row, as in the JSON."""

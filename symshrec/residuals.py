@@ -12,9 +12,9 @@ NEIGHBOURS = 12  # points that stand for the surface around one of them
 def mirror_residuals(points: np.ndarray, planes: Planes, limit: int = POINTS, seed: int = 0) -> np.ndarray:
     """Mean distance from the mirrored points to the surface that the points lie on, (K,), in their unit.
 
-    The surface near a point is the disc that its nearest neighbours span: a mirrored point's distance is that to the
-    disc of the point nearest to it, or to that point where it is nearer. So what is measured is the mismatch of the
-    two surfaces, noise included, and hardly the gaps between points: an exact plane of a clean box has about 0.
+    The surface near a point is the disc that its nearest distinct neighbours span: a mirrored point's distance is that
+    to the disc of the point nearest to it, or to that point where it is nearer. So what is measured is the mismatch of
+    the two surfaces, noise included, and hardly the gaps between points: an exact plane of a clean box has about 0.
 
     Args:
         points: (N ≥ 1, 3), finite, any unit and position.
@@ -32,7 +32,7 @@ def mirror_residuals(points: np.ndarray, planes: Planes, limit: int = POINTS, se
         points = points[np.random.default_rng(seed).choice(len(points), limit, replace=False)]
     centre = points.mean(axis=0)
     points, planes = points - centre, planes.transformed(translation=-centre)
-    tree = cKDTree(points)
+    tree = cKDTree(np.unique(points, axis=0))
     centres, normals, radii = _discs(tree)
     residuals = np.empty(len(planes))
     for row in range(len(planes)):

@@ -8,8 +8,11 @@ import pytest
 import torch
 
 import symshrec
-from symshrec.detection import STRAIGHT, named_method
+from symshrec import detection
+from symshrec.configs import load
+from symshrec.detection import STRAIGHT, Frame, method_of, named_method
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.detector import TrainingFree
 from symshrec.planes import Planes, axis_angles
 
 METHOD = "m4"
@@ -112,10 +115,38 @@ def test_a_method_by_name_takes_its_arguments_and_is_made_once():
         (("m3", {"neighbors": 5}), "method m3 has no argument 'neighbors'; it has .*neighbours"),
         (("m3", {"neighbours": "many"}), "method m3: Value 'many'"),
         (("m3", {"neighbours": -1}), "method m3: neighbours is -1"),
+        (("m4", {"steepness": -1, "refine": True}), "method m4: steepness is -1"),
     ):
         name, settings = arguments[0], dict(*arguments[1:])
         with pytest.raises(ValueError, match=problem):
             named_method(name, **settings)
+
+
+@pytest.mark.parametrize("name", ["m3", "m4"])
+@pytest.mark.parametrize("refine", [False, True])
+def test_a_method_by_name_finds_what_its_lightning_module_finds(name, refine):
+    points, arguments = box_points(2000) @ ROTATION.T + 3, {"neighbours": 20, "refine": refine, "workers": 1}
+    by_name = symshrec.detect(points, name, min_confidence=0, **arguments)
+    ready = method_of(load([f"method={name}", *(f"method.{key}={value}" for key, value in arguments.items())]))
+    by_module = symshrec.detect(points, ready, min_confidence=0)
+    assert len(by_name)
+    assert named_method(name, **arguments).count_threshold == ready.count_threshold
+    for field in ("normals", "points", "confidences"):
+        np.testing.assert_array_equal(getattr(by_name, field), getattr(by_module, field))
+
+
+def test_a_training_free_method_computes_on_one_thread_and_gives_the_others_back():
+    threads = torch.get_num_threads()
+    seen = []
+    method = TrainingFree(
+        lambda points, _: seen.append(torch.get_num_threads()) or Planes.empty(), None, 0.5, False, False
+    )
+    try:
+        torch.set_num_threads(2)
+        symshrec.detect(box_points(), method)
+        assert (seen, torch.get_num_threads()) == ([1], 2)
+    finally:
+        torch.set_num_threads(threads)
 
 
 @pytest.mark.parametrize("given", [np.asarray, torch.from_numpy])
@@ -140,6 +171,31 @@ def test_special_shapes_have_planes_through_their_middle(name):
     assert len(planes)
     heights = np.einsum("kd,kd->k", planes.normals, planes.points - middle)
     assert np.abs(heights).max() < 0.05 * diagonal
+
+
+def test_a_cloud_without_symmetry_has_no_plane():
+    rng = np.random.default_rng(0)
+    walk = np.cumsum(rng.normal(size=(60, 3)), axis=0)
+    points = walk[rng.integers(0, 60, 4000)] + 0.3 * rng.normal(size=(4000, 3))
+    assert len(symshrec.detect(points, METHOD)) == 0
+
+
+def test_duplicates_change_no_plane():
+    once, thrice = (symshrec.detect(np.repeat(box_points(), times, axis=0), METHOD) for times in (1, 3))
+    np.testing.assert_allclose(thrice.normals, once.normals, atol=1e-5)
+    np.testing.assert_allclose(thrice.confidences, once.confidences, atol=1e-5)
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_large_cloud_is_measured_in_blocks(count, monkeypatch):
+    points = box_points() @ ROTATION.T * [3, 1, 1] + [4.5e6, 5e5, 30.0]
+    whole = Frame.of(points)
+    monkeypatch.setattr(detection, "BLOCK", len(points) // count - 1)
+    frame = Frame.of(points)
+    np.testing.assert_array_equal(frame.centre, (points.min(axis=0) + points.max(axis=0)) / 2)
+    assert frame.diagonal == np.linalg.norm(np.ptp(points, axis=0))
+    np.testing.assert_allclose(frame.centroid, whole.centroid, atol=1e-9)
+    np.testing.assert_allclose(frame.centroid, (points - frame.centre).mean(axis=0), atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -167,6 +223,15 @@ def test_what_has_no_answer(points, problem):
 def test_a_thin_cloud_is_no_line():
     thin = box_points() * [1, 100 * STRAIGHT, 0]
     assert len(symshrec.detect(thin, BoxMethod(), min_confidence=0)) == 3
+
+
+def test_detection_does_not_wait_for_lightning():
+    check = (
+        "import sys, numpy, symshrec; symshrec.detect(numpy.random.default_rng(0).normal(size=(100, 3)))\n"
+        "print(*{'lightning', 'torchmetrics', 'sklearn', 'matplotlib'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", check], check=True, capture_output=True, text=True)
+    assert done.stdout.split() == []
 
 
 def test_importing_the_package_is_light():

@@ -1,5 +1,7 @@
 """Reading anyone's files: the same cloud out of every format, and one line for what cannot be read."""
 
+import sys
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,6 +9,7 @@ import trimesh
 from symshrec.clouds import EXTENSIONS, CloudFileError, read_cloud
 from symshrec.clouds.example import example_plane, write_example
 from symshrec.clouds.meshes import sample_surface
+from symshrec.clouds.ply import bare_vertices
 
 POINTS = np.round(np.random.default_rng(0).normal(size=(40, 3)), 4)
 ROWS = [" ".join(f"{value:.4f}" for value in row) for row in POINTS]
@@ -77,6 +80,37 @@ def test_vertices_without_faces_are_the_points(name, content, tmp_path):
     np.testing.assert_allclose(cloud.points, POINTS, rtol=1e-6)
     assert cloud.triangles == 0
     assert cloud.notes == ()
+
+
+def binary_ply(order, axis_type, also=(), ending="\n", elements=""):
+    """POINTS between a colour and what `also` says, with (name, ply's type, numpy's type) each."""
+    fields = [("red", "uchar", "u1"), *((axis, *axis_type) for axis in "xyz"), *also]
+    rows = np.zeros(len(POINTS), [(name, order + kind) for name, _, kind in fields])
+    rows["x"], rows["y"], rows["z"] = POINTS.T
+    name = {"<": "little", ">": "big"}[order]
+    lines = ["ply", f"format binary_{name}_endian 1.0", "comment a scan", f"element vertex {len(POINTS)}"]
+    lines += [*(f"property {kind} {name}" for name, kind, _ in fields), *elements.split(";"), "end_header"]
+    return ending.join([*filter(None, lines), ""]).encode() + rows.tobytes()
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("axis_type", [("float", "f4"), ("float64", "f8")])
+@pytest.mark.parametrize("also", [(), [("nx", "double", "f8"), ("label", "int16", "i2")]])
+@pytest.mark.parametrize("ending", ["\n", "\r\n"])
+def test_a_binary_ply_of_points_needs_no_trimesh(order, axis_type, also, ending, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    cloud = read_cloud(written(tmp_path / "a.ply", binary_ply(order, axis_type, also, ending)))
+    np.testing.assert_array_equal(cloud.points, POINTS.astype(axis_type[1]).astype(np.float64))
+    assert cloud.points.flags.c_contiguous
+
+
+def test_any_other_ply_is_left_to_trimesh(tmp_path):
+    whole = binary_ply("<", ("float", "f4"))
+    faces = binary_ply("<", ("float", "f4"), elements="element face 0;property list uchar int vertex_indices")
+    assert bare_vertices(whole) is not None
+    for other in (faces, whole[:-1], whole.replace(b" y\n", b" x\n"), whole.replace(b"uchar", b"octet"), b"ply\n"):
+        assert bare_vertices(other) is None
+    np.testing.assert_allclose(read_cloud(written(tmp_path / "a.ply", faces)).points, POINTS, rtol=1e-6)
 
 
 @pytest.mark.parametrize("encoding", ["binary", "ascii"])

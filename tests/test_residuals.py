@@ -49,3 +49,9 @@ def test_few_points_many_points_and_none():
     for wrong in (np.zeros((0, 3)), np.zeros((4, 2))):
         with pytest.raises(ValueError, match="expected"):
             mirror_residuals(wrong, ACROSS_X)
+
+
+def test_duplicates_weigh_but_do_not_change_the_surface():
+    points = square(800) + np.random.default_rng(1).normal(scale=0.01, size=(800, 3))
+    once, twice = (mirror_residuals(np.repeat(points, times, axis=0), ACROSS_X) for times in (1, 2))
+    np.testing.assert_allclose(twice, once, rtol=1e-12)

@@ -1,6 +1,7 @@
 """The command line, for people with their own clouds or results: `symshrec detect`, `view`, `score`, `export`."""
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -11,16 +12,21 @@ COMMANDS = {
     "score": "score a folder of results as the track's organisers did",
     "export": "write shards or predictions as the track's own text files",
 }  # one module each, imported when it is asked for, so that nobody waits for another command's imports
-USER_ERROR, INTERRUPTED = 2, 130
+USER_ERROR, INTERRUPTED, UNREAD = 2, 130, 141
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0, 2 for a user's error told in a line, 130 where interrupted."""
+    """Run one command; returns the exit code: 0, 2 for a user's error told in a line, 130 where interrupted, and
+    141 where whoever read the output, such as `head`, wanted no more of it."""
     arguments = _parser().parse_args(argv)
     command = import_module(f"{__name__}.{arguments.command}")
     options = command.parser().parse_args(arguments.rest)
     try:
         command.run(options)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where Python writes what is left at its end
+        return UNREAD
     except (ValueError, OSError) as error:
         print(f"symshrec {arguments.command}: {error}", file=sys.stderr)
         return USER_ERROR

@@ -20,7 +20,7 @@ from symshrec.residuals import mirror_residuals
 
 STEM = "{stem}"
 PLOTS = (".png", ".html")
-Detector = Callable[..., Planes]
+Detect = Callable[..., Planes]
 
 
 def parser() -> argparse.ArgumentParser:
@@ -83,14 +83,14 @@ def run(options: argparse.Namespace) -> None:
         raise ValueError(first if alone else f"{len(failures)} of {len(files)} files failed, as told above")
 
 
-def detect_file(path: Path, detect: Detector, samples: int = SAMPLES, seed: int = 0) -> Detection:
+def detect_file(path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0) -> Detection:
     """Read one file, detect, and measure the residual of every plane; errors as `read_cloud` and `detect`."""
     cloud = read_cloud(path, samples, seed)
     planes = detect(cloud.points)
     return Detection(path, cloud, planes, mirror_residuals(cloud.points, planes))
 
 
-def _detector(options: argparse.Namespace) -> tuple[Detector, float]:
+def _detector(options: argparse.Namespace) -> tuple[Detect, float]:
     """What finds the planes of points, and the least confidence of those that it gives."""
     from symshrec.detection import detect, named_method  # torch: after the arguments are known to be right
 

@@ -51,8 +51,8 @@ def refuse_not_finite(points: np.ndarray, path: Path) -> None:
     Raises:
         CloudFileError: where there is one.
     """
-    finite = np.isfinite(points).all(axis=1)
-    if not finite.all():
+    if not np.isfinite(points).all():
+        finite = np.isfinite(points).all(axis=1)
         first, count = int(np.argmin(finite)), int((~finite).sum())
         raise CloudFileError(
             f"{path}: point {first + 1} is {' '.join(f'{value:g}' for value in points[first])} ({count} such of "

@@ -44,7 +44,7 @@ def read_text(path: Path) -> FileCloud:
         points = np.loadtxt(
             path,
             delimiter=layout.delimiter,
-            comments=list(COMMENTS),
+            comments=_comments(path),
             skiprows=layout.skipped,
             usecols=layout.columns,
             encoding=ENCODING,
@@ -93,6 +93,12 @@ def _fields(line: str, delimiter: str | None) -> list[str]:
     for mark in COMMENTS:
         line = line.split(mark, 1)[0]
     return [field.strip() for field in line.split(delimiter)]
+
+
+def _comments(path: Path) -> list[str]:
+    """The marks of comments that the file has: numpy reads at two thirds of the speed where it looks for several."""
+    content = path.read_bytes()
+    return [mark for mark in COMMENTS if mark.encode() in content]
 
 
 def _columns(names: list[str]) -> tuple[int, int, int]:

@@ -52,3 +52,17 @@ def test_no_command_waits_for_torch(command):
 def test_help_does_not_wait_for_numpy():
     check = "import sys, symshrec.cli; sys.exit('numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", check], check=False).returncode == 0
+
+
+def test_output_that_nobody_reads_is_no_error_message():
+    program = (
+        "import sys, symshrec.cli.score as score, symshrec.cli as cli\n"
+        "score.run = lambda options: (sys.stdin.read(), print('x' * 10**5))\n"
+        "sys.exit(cli.main(['score', 'RESULTS', 'TRUTH']))"
+    )
+    pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    with subprocess.Popen([sys.executable, "-c", program], **pipes) as process:
+        process.stdout.close()
+        process.stdin.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
