@@ -23,7 +23,8 @@ LONGEST_STEP = 0.05
 HOPELESS = (0.6, 0.5, 0.3, 0.2, 0.12)  # divergences beyond which a candidate goes, stage by stage
 LIKELY, TIED = 0.08, 0.025  # divergences above the best plane's up to which planes are completed, and tied together
 RELATION_DEG, RELATION_DISTANCE = 4.0, 0.04
-ALIGNED = 0.1  # least confidence of a plane that is aligned point to plane
+GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
+ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
 
 
 @dataclass(frozen=True)
@@ -99,9 +100,12 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     search = Search(frame.points, settings)
     normals, offsets, divergences = search.planes()
     sureness = confidences(divergences, len(frame.points), settings.calibration)
-    sure = sureness >= min(ALIGNED, float(sureness[0]))
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
-    normals[sure], offsets[sure] = aligned(frame.points, normals[sure], offsets[sure], settings.together, alignment)
+    group = divergences < divergences.min() + GROUP
+    rest = (sureness >= ALIGNED) & ~group
+    for rows, together in ((group, settings.together), (rest, False)):
+        if rows.any():
+            normals[rows], offsets[rows] = aligned(frame.points, normals[rows], offsets[rows], together, alignment)
     kept = distinct(normals, -sureness, settings.separation_deg)
     return frame.planes(normals[kept], offsets[kept], sureness[kept]).ranked()
 

@@ -1,7 +1,6 @@
 """M4 step 1: the density of a cloud on a grid, with its slope, looked up without a tree."""
 
 from functools import cached_property
-from math import sqrt
 
 import torch
 from torch import Tensor
@@ -14,7 +13,8 @@ BORDER = 2  # empty cells around the points
 
 
 BANDWIDTHS = (0.06, 0.04, 0.03, 0.02, 0.014)  # coarse to fine, shares of the cloud's size
-SPARSE = 1300  # with fewer points no bandwidth is below the last times the root of their lack
+CROWD = 1.5  # other points within the bell of a point, in bells; a bandwidth with fewer is too fine for the cloud
+JUDGED = 2000  # points that tell
 
 
 class Density:
@@ -81,9 +81,17 @@ class Density:
 
     def of_others(self, points: Tensor) -> Tensor:
         """The density (M,) at (M, 3) of the points that the others make: leave-one-out."""
+        return (self.at(points) - self._own(points)).clamp_min(0)
+
+    @cached_property
+    def crowd(self) -> float:
+        """The mean density that the others make at a point, in units of what it makes there itself."""
+        points = self.points[:JUDGED]
+        return float(self.of_others(points).mean() / self._own(points).mean())
+
+    def _own(self, points: Tensor) -> Tensor:
         _, part = self._places(points)
-        own = ((1 - part).square() + part.square()) * 0.5 + 2 * part * (1 - part) * 0.25
-        return (self.at(points) - own.prod(1)).clamp_min(0)
+        return (((1 - part).square() + part.square()) * 0.5 + 2 * part * (1 - part) * 0.25).prod(1)
 
     @cached_property
     def _last(self) -> Tensor:
@@ -98,11 +106,14 @@ class Density:
 
 
 def densities(points: Tensor) -> list[Density]:
-    """The densities of a cloud (N, 3) at the BANDWIDTHS, none of them finer than the points are apart."""
-    finest = BANDWIDTHS[-1] * max(1.0, sqrt(SPARSE / len(points)))
-    wanted = [max(bandwidth, finest) for bandwidth in BANDWIDTHS]
-    made = {bandwidth: Density(points, bandwidth) for bandwidth in dict.fromkeys(wanted)}
-    return [made[bandwidth] for bandwidth in wanted]
+    """The densities of a cloud (N, 3) at the BANDWIDTHS; too fine ones are replaced by the last that is not."""
+    ladder: list[Density] = []
+    for bandwidth in BANDWIDTHS:
+        density = Density(points, bandwidth)
+        if ladder and density.crowd < CROWD:
+            return ladder + ladder[-1:] * (len(BANDWIDTHS) - len(ladder))
+        ladder.append(density)
+    return ladder
 
 
 def _blurred(cells: Tensor) -> Tensor:
