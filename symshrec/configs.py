@@ -104,7 +104,7 @@ class M4Config(MethodConfig):
     max_planes: int = 40
     together: bool = True
     rounds: int = 10
-    calibration: list[float] = field(default_factory=lambda: [1.793, -108.481, -38.695, 220.276])
+    calibration: list[float] = field(default_factory=lambda: [1.759, -82.546, -60.19, 236.37])
 
 
 @dataclass

@@ -115,7 +115,7 @@ def test_a_method_by_name_takes_its_arguments_and_is_made_once():
         (("m3", {"neighbors": 5}), "method m3 has no argument 'neighbors'; it has .*neighbours"),
         (("m3", {"neighbours": "many"}), "method m3: Value 'many'"),
         (("m3", {"neighbours": -1}), "method m3: neighbours is -1"),
-        (("m4", {"steepness": -1, "refine": True}), "method m4: steepness is -1"),
+        (("m4", {"separation_deg": -1, "refine": True}), "method m4: separation_deg is -1"),
     ):
         name, settings = arguments[0], dict(*arguments[1:])
         with pytest.raises(ValueError, match=problem):
