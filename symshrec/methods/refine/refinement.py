@@ -62,22 +62,15 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
         return Refined(planes, np.ones(len(planes), dtype=bool))
     given = frame.of(planes)
     ladder = densities(frame.points)
-    normals, offsets, misfits = _ascended(frame.points, ladder, *given, settings.together)
-    alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
-    ascent = normals.clone(), offsets.clone()
-    order = torch.argsort(misfits, stable=True)
-    sure = order[misfits[order] < misfits.min() + TIED]
-    for rows, together in [(sure, settings.together)] + [(row[None], False) for row in order[len(sure) :]]:
-        normals[rows], offsets[rows] = aligned(frame.points, normals[rows], offsets[rows], together, alignment)
-    for fallback in (ascent, given):
-        worse = divergence(ladder[-1], frame.points, normals, offsets)
-        worse = worse > divergence(ladder[-1], frame.points, *fallback) + (0 if fallback is given else TIED)
-        if fallback is given:
-            cosines = (normals * given[0]).sum(1)
-            worse |= cosines.abs() < np.cos(np.deg2rad(FARTHEST_DEG))
-            worse |= (offsets * cosines.sign() - given[1]).abs() > FARTHEST
-        normals = torch.where(worse[:, None], fallback[0], normals)
-        offsets = torch.where(worse, fallback[1], offsets)
+    climbed = _ascended(frame.points, ladder, *given, settings.together)
+    found = _aligned(frame.points, *climbed, settings)
+
+    def fit(planes: tuple[Tensor, Tensor]) -> Tensor:
+        return divergence(ladder[-1], frame.points, *planes)
+
+    found = _where(fit(found) > climbed[2] + TIED, climbed, found)
+    worse = (fit(found) > fit(given)) | _far(found, given)
+    normals, offsets = _where(worse, given, found)
     kept = worse.cpu().numpy()
     found = frame.planes(normals, offsets, planes.confidences)
     where = kept[:, None]
@@ -110,12 +103,34 @@ def _ascended(points: Tensor, ladder, normals: Tensor, offsets: Tensor, together
     return normals, offsets, divergence(fine, points, normals, offsets)
 
 
+def _aligned(points: Tensor, normals: Tensor, offsets: Tensor, misfits: Tensor, settings: RefineSettings):
+    """The planes that fit best aligned point to plane, the others as they are."""
+    normals, offsets = normals.clone(), offsets.clone()
+    order = torch.argsort(misfits, stable=True)
+    sure = order[misfits[order] < misfits.min() + TIED]
+    alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
+    normals[sure], offsets[sure] = aligned(points, normals[sure], offsets[sure], settings.together, alignment)
+    return normals, offsets
+
+
+def _far(planes: tuple[Tensor, Tensor], given: tuple[Tensor, Tensor]) -> Tensor:
+    """Which planes (K,) are further from the given ones than refinement reaches."""
+    cosines = (planes[0] * given[0]).sum(1)
+    gaps = (planes[1] * cosines.sign() - given[1]).abs()
+    return (cosines.abs() < np.cos(np.deg2rad(FARTHEST_DEG))) | (gaps > FARTHEST)
+
+
+def _where(first: Tensor, these, those):
+    """Normals, offsets and whatever else: of `these` where `first` (K,), else of `those`."""
+    return tuple(
+        torch.where(first.reshape(-1, *[1] * (one.dim() - 1)), one, other)
+        for one, other in zip(these, those, strict=False)
+    )
+
+
 def _better(best, other):
     """Per plane the one of less divergence."""
-    better = other[2] < best[2]
-    return tuple(
-        torch.where(better.reshape(-1, *[1] * (old.dim() - 1)), new, old) for old, new in zip(best, other, strict=True)
-    )
+    return _where(other[2] < best[2], other, best)
 
 
 def _images(ladder, some: Tensor, more: Tensor, normals: Tensor, offsets: Tensor, misfits: Tensor):
@@ -129,8 +144,4 @@ def _images(ladder, some: Tensor, more: Tensor, normals: Tensor, offsets: Tensor
     near = (cosines.abs().amax(1) > np.cos(np.deg2rad(FARTHEST_DEG))) & ~good
     there, distances = ascended(ladder[-2], some, images[nearest], places[nearest], COARSE_STEPS, LONGEST_STEP)
     fit = divergence(ladder[-2], more, there, distances)
-    return (
-        torch.where(near[:, None], there, normals),
-        torch.where(near, distances, offsets),
-        torch.where(near, fit, misfits),
-    )
+    return _where(near, (there, distances, fit), (normals, offsets, misfits))
