@@ -203,6 +203,6 @@ def test_orbits_share_their_values():
 def test_ends_of_a_density_with_scattered_points_beyond():
     rng = np.random.default_rng(1)
     heights = np.concatenate([rng.uniform(-1, 3, 3000), rng.uniform(-1.3, 3.9, 300)])
-    middle = float(end_offset(torch.tensor(heights).float()))
+    middle = float(end_offset(torch.tensor(heights).float(), torch.ones(len(heights))))
     assert middle == pytest.approx(1.0, abs=0.01)
     assert abs(np.mean([heights.min(), heights.max()]) - 1) > 0.1

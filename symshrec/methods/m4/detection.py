@@ -16,7 +16,7 @@ from symshrec.methods.refine.likelihood import ascended, divergence
 from symshrec.planes import Planes
 
 # Lengths are shares of the cloud's size (see `frame_of`), divergences in nats a point.
-COARSE_POINTS, COARSE_STEPS, COARSE_STEP = 240, 2, 0.12
+COARSE_POINTS, COARSE_STEPS, COARSE_STEP = 200, 2, 0.12
 MIDDLE_POINTS, MIDDLE_STEPS = 800, 4
 FINE_POINTS, FINE_STEPS = 1500, 3
 LONGEST_STEP = 0.05

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from symshrec.methods.refine.coupling import find_relations
-from symshrec.methods.refine.ends import end_offset
+from symshrec.methods.refine.ends import end_offset, near_ends
 from symshrec.methods.refine.steps import mirrored, stepped, tangents
 from symshrec.methods.refine.surface import Neighbours, falling, local_planes
 
@@ -70,8 +70,17 @@ def aligned(
             break
     offsets = offsets.clone()
     for row in torch.nonzero(blind)[:, 0].tolist():
-        offsets[row] = end_offset(cloud @ normals[row]).to(offsets.dtype)
+        offsets[row] = _middle(cloud, neighbours, normals[row], settings.neighbours).to(offsets.dtype)
     return normals, offsets
+
+
+def _middle(cloud: Tensor, neighbours: Neighbours, normal: Tensor, count: int) -> Tensor:
+    """The offset midway between the ends of the cloud along a normal, points counting as surely as they are exact."""
+    heights = cloud @ normal
+    weights, near = torch.ones_like(heights), near_ends(heights)
+    _, nearest = neighbours.query(cloud[near], min(count, len(cloud)))
+    _, weights[near] = local_planes(cloud[nearest] - cloud[near][:, None], SURFACE_SCALES)
+    return end_offset(heights, weights)
 
 
 class Pairs:

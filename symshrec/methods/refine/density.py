@@ -14,7 +14,7 @@ BORDER = 2  # empty cells around the points
 
 BANDWIDTHS = (0.06, 0.04, 0.03, 0.02, 0.014)  # coarse to fine, shares of the cloud's size
 CROWD = 1.5  # other points within the bell of a point, in bells; a bandwidth with fewer is too fine for the cloud
-JUDGED = 2000  # points that tell
+JUDGED = 2000  # points that tell, and that means are taken over
 
 
 class Density:
@@ -47,7 +47,7 @@ class Density:
     @cached_property
     def mean(self) -> float:
         """The mean of the density at the points."""
-        return float(self.at(self.points).mean())
+        return float(self.at(self.points[:JUDGED]).mean())
 
     def at(self, places: Tensor) -> Tensor:
         """The density (...) at places (..., 3); outside the grid about 0."""

@@ -16,7 +16,7 @@ class Neighbours:
         self.points = points
         self.tree = None
         if points.device.type == "cpu":
-            self.tree = cKDTree(points.numpy(), leafsize=12, balanced_tree=False, compact_nodes=False)
+            self.tree = cKDTree(points.numpy(), leafsize=16)
 
     def query(self, queries: Tensor, count: int) -> tuple[Tensor, Tensor]:
         """Distances and indices (..., count) of the nearest points to (..., 3) queries, nearest first."""
