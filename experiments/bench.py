@@ -40,8 +40,8 @@ def _timings(workers: int) -> Iterator[Timing]:
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
         yield from generator_timings(benchmark, Path(folder), workers)
     yield scoring_timing()
-    m3, m4 = (method_of(load([f"method={name}"])) for name in ("m3", "m4"))
-    yield from method_timings(m3, m4, benchmark_clouds(benchmark))
+    m3, m4, fast = (method_of(load([f"experiment={name}"])) for name in ("m3_r1", "m4", "m4_fast"))
+    yield from method_timings(m3, m4, fast, benchmark_clouds(benchmark))
 
 
 if __name__ == "__main__":

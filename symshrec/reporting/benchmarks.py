@@ -111,7 +111,9 @@ def benchmark_clouds(config: BenchmarkConfig, split: str = "test") -> list[Label
     return [generate_cloud(config, split, index) for index in range(config.splits[split].clouds)]
 
 
-def method_timings(m3: SymmetryMethod, m4: SymmetryMethod, clouds: Sequence[LabelledCloud]) -> Iterator[Timing]:
+def method_timings(
+    m3: SymmetryMethod, m4: SymmetryMethod, fast: SymmetryMethod, clouds: Sequence[LabelledCloud]
+) -> Iterator[Timing]:
     """Seconds a cloud of M3 (R1) and M4 on one core, beside plain versions of both and each other, on the same clouds.
 
     Where there is a GPU, M4's on it too, a cloud's share of one batch of them all.
@@ -128,6 +130,7 @@ def method_timings(m3: SymmetryMethod, m4: SymmetryMethod, clouds: Sequence[Labe
                  f"{ours.mean():.3f} s, {ours.max():.3f} s",
                  f"{plain.mean():.3f} s, {plain.max():.3f} s", float(plain.mean() / ours.mean()))  # fmt: skip
     yield _medians("M4, median a cloud, one core, against M3 (R1)", ours, diffusion)
+    yield _medians("M4 fast, median a cloud, one core, against M4", _seconds_each(fast.detect, clouds), ours)
     if torch.cuda.is_available():
         yield batch_timing(m4, clouds, float(ours.mean()), "cuda")
 
