@@ -17,7 +17,7 @@ def detect_planes(points: np.ndarray, directions=1500, candidates=24, size=64, s
     mirrored points to the nearest point, over that between neighbours in the cloud itself: 1 where the plane is true.
 
     On the track's clouds it finds what M4 finds at the published tolerance, and is less exact. Planes are neither
-    estimated together nor sharpened, and parts that are missing in the cloud are not allowed for.
+    estimated together nor aligned on denser local planes, and parts that are missing in the cloud are not allowed for.
     """
     points = np.asarray(points, dtype=np.float64)
     centre, diagonal = points.mean(0), np.linalg.norm(np.ptp(points, axis=0))

@@ -9,6 +9,7 @@ import torch
 
 from symshrec.batch import Batch
 from symshrec.benchmark.cloud import Labels
+from symshrec.configs import load
 from symshrec.methods.m4.confidence import CALIBRATION, confidences
 from symshrec.methods.m4.detection import M4Settings, detect_planes
 from symshrec.methods.m4.module import M4
@@ -95,6 +96,24 @@ def test_tensor_and_repeated_points_give_the_same_planes():
     planes = detect_planes(points)
     np.testing.assert_array_equal(planes.normals, detect_planes(torch.from_numpy(points)).normals)
     np.testing.assert_array_equal(planes.normals, detect_planes(np.concatenate([points, points[:400]])).normals)
+
+
+def test_a_point_repeated_very_often_hides_no_other():
+    points = np.concatenate([petal_cone(2500, 3), np.zeros((40_000, 3))])  # as a depth camera gives what it did not see
+    assert_are(sure(detect_planes(points)), petal_planes(3), 0.5, 0.01)
+
+
+def test_strays_far_away_make_no_planes_and_hide_none():
+    strays = np.array([[0.0, 0, 1e4], [-300.0, 200, 0]])
+    assert_are(sure(detect_planes(np.concatenate([petal_cone(2500, 3), strays]))), petal_planes(3), 0.5, 0.01)
+
+
+def test_far_clusters_are_a_cloud_too():
+    rng = np.random.default_rng(11)
+    for count in (2, 3, 5):
+        centres = 10 * rng.normal(size=(count, 3))
+        planes = detect_planes(np.repeat(centres, 12, axis=0) + 0.01 * rng.normal(size=(12 * count, 3)))
+        assert np.isfinite(planes.confidences).all()
 
 
 def test_an_asymmetric_cloud_has_no_plane_above_one_half():
@@ -194,6 +213,7 @@ def test_confidence_falls_with_the_divergence_and_forgives_sparse_clouds():
 def test_the_calibration_is_the_recorded_one():
     record = json.loads((Path(__file__).parents[2] / "results" / "calibration.json").read_text())
     assert tuple(record["calibration"]) == CALIBRATION
+    assert load(["method=m4"]).method.calibration == record["calibration"]
 
 
 def test_the_plain_version_finds_the_same_planes():

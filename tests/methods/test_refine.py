@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from symshrec.methods.refine import refine_planes
+from symshrec.methods.refine import RefineSettings, refine_planes
 from symshrec.methods.refine.alignment import Pairs
 from symshrec.methods.refine.coupling import closure, find_relations, images_of_planes, orbit_means
 from symshrec.methods.refine.density import Density, densities
@@ -63,12 +63,31 @@ def test_an_exact_plane_stays_where_it_is():
     np.testing.assert_allclose(np.abs(refined.planes.offsets), np.abs(planes.offsets), atol=1e-4)
 
 
+def test_a_plane_far_away_stays_and_the_others_move():
+    planes = off(truth(), 1, 0.01)
+    far = np.array([5.0, 0.0, 40.0])
+    given = Planes(np.vstack([planes.normals, [0.0, 0.0, 1.0]]), np.vstack([planes.points, far]), np.ones(4))
+    refined = refine_planes(wavy_cone(), given)
+    np.testing.assert_array_equal(refined.kept, [False, False, False, True])
+    np.testing.assert_array_equal(refined.planes.points[3], far)
+
+
+def test_strays_do_not_matter():
+    strays = np.array([[5.0, 0, 1e4], [-3e3, 2e3, 0]])
+    refined = refine_planes(np.concatenate([wavy_cone(), strays]), off(truth(), 2, 0.02))
+    angle, gap = errors(refined.planes)
+    assert angle < 0.2
+    assert gap < 0.01
+
+
 def test_nothing_to_refine():
     assert not len(refine_planes(wavy_cone(50), Planes.empty()).planes)
     planes = truth()
     assert refine_planes(np.ones((9, 3)), planes).planes is planes
     with pytest.raises(ValueError, match="point 1 is not finite"):
         refine_planes(np.array([[0, 0, 0], [np.inf, 0, 0]]), planes)
+    with pytest.raises(ValueError, match="neighbours is 0"):
+        RefineSettings(neighbours=0)
 
 
 def test_closed_form_eigenvectors():

@@ -12,7 +12,8 @@ from symshrec.methods.refine.alignment import AlignmentSettings, aligned
 from symshrec.methods.refine.coupling import closure, distinct, find_relations, orbit_means
 from symshrec.methods.refine.density import Density, densities
 from symshrec.methods.refine.frame import frame_of
-from symshrec.methods.refine.likelihood import ascended, divergence
+from symshrec.methods.refine.likelihood import RELATION_DEG, RELATION_DISTANCE, ascended, divergence
+from symshrec.methods.refine.settings import check_ranges
 from symshrec.planes import Planes
 
 # Lengths are shares of the cloud's size (see `frame_of`), divergences in nats a point.
@@ -22,7 +23,6 @@ FINE_POINTS, FINE_STEPS = 1500, 3
 LONGEST_STEP = 0.05
 HOPELESS = (0.6, 0.5, 0.3, 0.2, 0.12)  # divergences beyond which a candidate goes, stage by stage
 LIKELY, TIED = 0.08, 0.025  # divergences above the best plane's up to which planes are completed, and tied together
-RELATION_DEG, RELATION_DISTANCE = 4.0, 0.04
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
 
@@ -66,9 +66,7 @@ class M4Settings:
             "max_planes": (1, np.inf),
             "rounds": (0, np.inf),
         }
-        for name, (low, high) in ranges.items():
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a number in [{low:g}, {high:g}]")
+        check_ranges(self, ranges)
         if len(self.calibration) != len(CALIBRATION):
             raise ValueError(f"calibration has {len(self.calibration)} numbers, expected {len(CALIBRATION)}")
 
@@ -78,9 +76,10 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     """The mirror planes of one cloud, by descending confidence.
 
     Confidence says how likely a plane is a symmetry, from how well the mirrored cloud fits the cloud's own density. The
-    order of the points changes nothing; pose and scale change the planes by rounding, by the directions of the search
-    and, where there are more than `settings.points`, by the choice of points. A sphere or a surface of revolution,
-    symmetric about infinitely many planes, gets some of them, at least `separation_deg` apart.
+    order of the points changes nothing. Pose and scale change which points are used first and how the grid lies: on
+    noisy clouds some hundredths of a degree, and up to half a percent of the diagonal where only the ends of the cloud
+    tell an offset. A sphere or a surface of revolution, symmetric about infinitely many planes, gets some of them, at
+    least `separation_deg` apart.
 
     Args:
         points: (N, 3) tensor (worked on where it lies) or array, any unit. Coincident points count once; fewer than
@@ -130,35 +129,35 @@ class Search:
             normals, offsets = ascended(density, few, normals, offsets, COARSE_STEPS, COARSE_STEP)
         normals, offsets, _ = self._kept(coarse, few, normals, offsets, HOPELESS[0])
         normals, offsets = ascended(middle, some, normals, offsets, MIDDLE_STEPS, LONGEST_STEP)
-        normals, offsets, misfits = self._kept(middle, more, normals, offsets, HOPELESS[1])
+        normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
         if self.settings.together:
-            normals, offsets, misfits = self._completed(normals, offsets, misfits)
+            normals, offsets, divergences = self._completed(normals, offsets, divergences)
         for density, hopeless in zip((middle, fine), HOPELESS[3:], strict=True):
-            tied = (misfits < misfits.min() + TIED) & self.settings.together
+            tied = (divergences < divergences.min() + TIED) & self.settings.together
             normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
-            normals, offsets, misfits = self._kept(density, more, normals, offsets, hopeless)
-        misfits = divergence(fine, self.points, normals, offsets)
+            normals, offsets, divergences = self._kept(density, more, normals, offsets, hopeless)
+        divergences = divergence(fine, self.points, normals, offsets)
         if self.settings.together:
             relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE)
-            tied = misfits < misfits.min() + TIED
-            misfits = orbit_means(misfits, relations.mirrored_in(tied))
-        order = torch.argsort(misfits, stable=True)
-        return normals[order], offsets[order], misfits[order]
+            tied = divergences < divergences.min() + TIED
+            divergences = orbit_means(divergences, relations.mirrored_in(tied))
+        order = torch.argsort(divergences, stable=True)
+        return normals[order], offsets[order], divergences[order]
 
     def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float):
         """Planes that differ and may be symmetries, at least one, with their divergences, the best first."""
-        misfits = divergence(density, points, normals, offsets)
-        kept = distinct(normals, misfits, self.settings.separation_deg)
-        limit = hopeless + misfits.min().clamp_min(0)
-        kept = kept[misfits[kept] <= limit][: self.settings.max_planes]
-        return normals[kept], offsets[kept], misfits[kept]
+        divergences = divergence(density, points, normals, offsets)
+        kept = distinct(normals, divergences, self.settings.separation_deg)
+        limit = hopeless + divergences.min().clamp_min(0)
+        kept = kept[divergences[kept] <= limit][: self.settings.max_planes]
+        return normals[kept], offsets[kept], divergences[kept]
 
-    def _completed(self, normals: Tensor, offsets: Tensor, misfits: Tensor):
+    def _completed(self, normals: Tensor, offsets: Tensor, divergences: Tensor):
         """The planes and the images of the likely ones in each other that are not among them, with divergences."""
         _, _, coarse, middle, _ = self.densities
         some, more = self.points[:MIDDLE_POINTS], self.points[:FINE_POINTS]
         for _ in range(2):
-            likely = misfits < misfits.min() + LIKELY
+            likely = divergences < divergences.min() + LIKELY
             images, places = closure(
                 normals[likely], offsets[likely], self.settings.separation_deg, self.settings.max_planes
             )
@@ -167,5 +166,5 @@ class Search:
             for density in (coarse, middle):
                 images, places = ascended(density, some, images, places, COARSE_STEPS, LONGEST_STEP)
             normals, offsets = torch.cat([normals, images]), torch.cat([offsets, places])
-            normals, offsets, misfits = self._kept(middle, more, normals, offsets, HOPELESS[1])
+            normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
         return self._kept(middle, more, normals, offsets, HOPELESS[2])

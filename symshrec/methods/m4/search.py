@@ -29,8 +29,8 @@ def hemisphere(count: int) -> tuple[Tensor, Tensor]:
 def searched(density: Density, directions: int, most: int) -> tuple[Tensor, Tensor]:
     """Planes through the origin in which the cloud looks mirrored: normals (K, 3) and offsets (K,), the best first.
 
-    The score is the mean density at the mirrored points. It saturates, so that a crowded apex does not outweigh the
-    rest, and points count the more the sparser it is around them.
+    The score is a weighted sum of the density at the mirrored points. The density saturates, so that a crowded apex
+    does not outweigh the rest, and points count the more the sparser it is around them.
 
     Args:
         density: of a cloud any prefix of which is a random sample of it. directions: tried. most: K at most.

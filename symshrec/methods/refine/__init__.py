@@ -1,4 +1,4 @@
-"""Point-to-plane refinement of mirror planes, usable after any method, and step 4 of M4."""
+"""Refinement of mirror planes, usable after any method, and what M4 shares with it: its steps 1, 3 and 4."""
 
 from symshrec.methods.refine.refinement import Refined, RefineSettings, refine_planes, refined
 

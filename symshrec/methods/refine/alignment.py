@@ -52,12 +52,12 @@ def aligned(
     relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE) if together else None
     blind = torch.zeros_like(offsets, dtype=torch.bool)
     everyone = cloud[: settings.points]
-    _, nearest = neighbours.query(everyone, min(settings.neighbours, len(cloud)))
+    nearest = neighbours.query(everyone, min(settings.neighbours, len(cloud)))
     surroundings = cloud[nearest] - everyone[:, None]
     for turn in range(settings.rounds):
         if turn < 2:
             rows = everyone[: FIRST_POINTS if turn == 0 and settings.rounds > 1 else settings.points]
-            _, nearest = neighbours.query(mirrored(rows, normals, offsets), min(MATCHES, len(cloud)))
+            nearest = neighbours.query(mirrored(rows, normals, offsets), min(MATCHES, len(cloud)))
             matches = cloud[nearest]  # (K, M, n, 3)
         denser = _with_mirrored(rows, surroundings[: len(rows)], matches, normals, offsets)
         pairs = Pairs(rows, *local_planes(denser, SURFACE_SCALES), matches)
@@ -78,7 +78,7 @@ def _middle(cloud: Tensor, neighbours: Neighbours, normal: Tensor, count: int) -
     """The offset midway between the ends of the cloud along a normal, points counting as surely as they are exact."""
     heights = cloud @ normal
     weights, near = torch.ones_like(heights), near_ends(heights)
-    _, nearest = neighbours.query(cloud[near], min(count, len(cloud)))
+    nearest = neighbours.query(cloud[near], min(count, len(cloud)))
     _, weights[near] = local_planes(cloud[nearest] - cloud[near][:, None], SURFACE_SCALES)
     return end_offset(heights, weights)
 

@@ -119,9 +119,9 @@ def closure(normals: Tensor, offsets: Tensor, separation_deg: float, most: int) 
     return images[rows], image_offsets[rows]
 
 
-def distinct(normals: Tensor, misfits: Tensor, separation_deg: float) -> Tensor:
-    """Rows of the planes by ascending misfit, each over `separation_deg` from all kept before it."""
-    order = torch.argsort(misfits, stable=True)
+def distinct(normals: Tensor, values: Tensor, separation_deg: float) -> Tensor:
+    """Rows of the planes by ascending value, each over `separation_deg` from all kept before it."""
+    order = torch.argsort(values, stable=True)
     close = ((normals[order] @ normals[order].T).abs() > cos(radians(separation_deg))).tolist()
     kept = []
     for row, near in enumerate(close):

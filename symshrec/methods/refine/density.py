@@ -5,13 +5,10 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
-CELL = (
-    1.2**0.5
-)  # of the grid, in bandwidths: hat in, hat out and blur have variances 1/6, 1/6 and 1/2 of a cell squared
+# Of the grid, in bandwidths: hat in, hat out and blur have variances of 1/6, 1/6 and 1/2 of a cell squared.
+CELL = 1.2**0.5
 FARTHEST = 1.1  # from the origin, in units of the cloud's size; what lies beyond is left out
 BORDER = 2  # empty cells around the points
-
-
 BANDWIDTHS = (0.06, 0.04, 0.03, 0.02, 0.014)  # coarse to fine, shares of the cloud's size
 CROWD = 1.5  # other points within the bell of a point, in bells; a bandwidth with fewer is too fine for the cloud
 JUDGED = 2000  # points that tell, and that means are taken over

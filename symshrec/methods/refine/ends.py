@@ -25,7 +25,11 @@ def end_offset(heights: Tensor, weights: Tensor) -> Tensor:
 
 
 def _upper_end(heights: Tensor, weights: Tensor) -> Tensor:
-    """Where the density of ascending heights falls most clearly from one level to a lower one, near the upper end."""
+    """Where the density of ascending heights falls from one level to a lower one, near the upper end.
+
+    The mean over all such places, each as likely as the two levels make the heights around it, which errs less than the
+    likeliest does.
+    """
     low, high = _extent(heights)
     window = WINDOW * (high - low)
     rows = torch.arange(int(torch.searchsorted(heights, high - window)), len(heights), device=heights.device)
@@ -35,7 +39,10 @@ def _upper_end(heights: Tensor, weights: Tensor) -> Tensor:
     rates = (below / window, above / window, (below + above) / (2 * window))
     logs = [rate.clamp_min(1e-12).log() for rate in rates]
     likelihood = below * logs[0] + above * logs[1] - (below + above) * logs[2]
-    return edges[torch.where(below > above, likelihood, -torch.inf).argmax()]
+    falls = below > above
+    if not falls.any():
+        return edges[0]
+    return (edges * torch.where(falls, likelihood, -torch.inf).softmax(0)).sum()
 
 
 def _extent(heights: Tensor) -> tuple[Tensor, Tensor]:

@@ -10,6 +10,7 @@ from symshrec.planes import Planes
 
 FEWEST_POINTS = 4
 COLLINEAR = 1e-5  # of the spread: a cloud thinner than this in two directions is a straight line
+STRAY, STRAY_ROUNDS = 20.0, 5  # medians of the distance to the centroid beyond which a point is a stray
 MIXERS = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)  # odd constants of splitmix and xxHash
 
 
@@ -23,10 +24,6 @@ class Frame:
     points: Tensor
     centre: np.ndarray
     scale: float
-
-    def prefix(self, count: int) -> Tensor:
-        """Rows of the first `count` points, or of all."""
-        return torch.arange(min(count, len(self.points)), device=self.points.device)
 
     def planes(self, normals: Tensor, offsets: Tensor, confidences: Tensor | np.ndarray) -> Planes:
         """Planes n·x = offset of this frame, in the cloud's own coordinates, through the points nearest its centre."""
@@ -49,7 +46,7 @@ def checked(points) -> np.ndarray:
     Raises:
         ValueError: for a wrong shape or values that are not finite.
     """
-    points = points.detach().cpu().numpy() if isinstance(points, Tensor) else points
+    points = points.detach().to("cpu", torch.float64).numpy() if isinstance(points, Tensor) else points
     points = np.asarray(points)
     if points.ndim != 2 or points.shape[1] != 3:
         raise ValueError(f"points have shape {points.shape}, expected (N, 3)")
@@ -71,16 +68,29 @@ def frame_of(points, most: int) -> Frame | None:
     points = checked(points)
     if len(points) < FEWEST_POINTS:
         return None
-    kept, centre = _ordered(points, most), None
-    centre = kept.mean(0)
+    kept = _ordered(points, most)
+    centre, near = _middle(kept)
     centred = kept - centre
-    scale = float(np.sqrt(12 * np.square(centred).sum(1).mean()))
-    if len(kept) < FEWEST_POINTS or scale <= 1e-12 * np.abs(centre).max():
+    scale = float(np.sqrt(12 * np.square(centred[near]).sum(1).mean()))
+    if near.sum() < FEWEST_POINTS or scale <= 1e-12 * np.abs(centre).max():
         return None
-    spread = np.linalg.eigvalsh(centred.T @ centred)
+    spread = np.linalg.eigvalsh(centred[near].T @ centred[near])
     if spread[1] <= COLLINEAR**2 * spread[2]:
         return None
     return Frame(torch.from_numpy((centred / scale).astype(np.float32)).to(device), centre, scale)
+
+
+def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The centroid (3,) of points (N, 3) but the far strays, and which are none (N,): all, but in damaged scans."""
+    near = np.ones(len(points), dtype=bool)
+    for _ in range(STRAY_ROUNDS):
+        centre = points[near].mean(0)
+        distances = np.linalg.norm(points - centre, axis=1)
+        now = distances <= STRAY * np.median(distances)
+        if (now == near).all() or now.sum() < FEWEST_POINTS:
+            break
+        near = now
+    return points[near].mean(0), near
 
 
 def _ordered(points: np.ndarray, most: int) -> np.ndarray:
@@ -88,7 +98,8 @@ def _ordered(points: np.ndarray, most: int) -> np.ndarray:
     keys = _hashes(points)
     if len(points) > 4 * most:  # repetitions share a hash, so look a little further than needed
         few = np.flatnonzero(keys <= np.partition(keys, 4 * most)[4 * most])
-        points, keys = points[few], keys[few]
+        if len(np.unique(keys[few])) >= most:
+            points, keys = points[few], keys[few]
     keys, first = np.unique(keys, return_index=True)
     return points[first[:most]]
 

@@ -16,24 +16,20 @@ from symshrec.methods.refine.steps import mirrored, stepped, tangents
 
 FLOOR = 0.05  # of the mean density, added to it: what a point without any counterpart counts
 DAMPING = 0.01  # of a step, relative to the best determined direction
+NOTHING = 1e-6  # information that counts as none: every point is mirrored to where nothing is
 WORSE = 1e-4  # a loss of log-likelihood a point that is rounding
 RELATION_DEG, RELATION_DISTANCE = 4.0, 0.04  # within which an image of a plane in another is a third
 
 
-def log_ratios(density: Density, points: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
-    """How much denser the cloud is around points (Q, 3) of it than around their K mirror images: (K, Q) log-ratios.
+def divergence(density: Density, points: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
+    """How much denser the cloud is around points (Q, 3) of it than around their K mirror images: mean log-ratios (K,).
 
-    The mean over the points estimates the Kullback–Leibler divergence of the mirrored density from the density: about 0
-    for a symmetry, whatever the noise.
+    They estimate the Kullback–Leibler divergence of the mirrored density from the density: about 0 for a symmetry,
+    whatever the noise.
     """
     floor = FLOOR * density.mean
     own = (density.of_others(points) + floor).log()
-    return own - (density.at(mirrored(points, normals, offsets)) + floor).log()
-
-
-def divergence(density: Density, points: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
-    """The mean (K,) of the `log_ratios`."""
-    return log_ratios(density, points, normals, offsets).mean(1)
+    return (own - (density.at(mirrored(points, normals, offsets)) + floor).log()).mean(1)
 
 
 def ascended(
@@ -43,7 +39,8 @@ def ascended(
     """Planes (K, 3), (K,) after steps of Fisher's scoring up the log-likelihood of the mirrored points (Q, 3).
 
     The information is the scores' second moment at points scattered by the density's bandwidth, since the points
-    themselves, on the ridge of the density, have none. A step that lost likelihood is taken back and shortened.
+    themselves, on the ridge of the density, have none. A step that lost likelihood is taken back and shortened, but for
+    the last.
 
     Args:
         longest: step, in radians and in units of the cloud's size.
@@ -61,7 +58,7 @@ def ascended(
         if best is None:
             _, scattered = _scores(density, points, normals, offsets, basis, places + scatter, floor)
             information = scattered.mT @ scattered
-            damping = DAMPING * information.diagonal(dim1=1, dim2=2).amax(1)
+            damping = DAMPING * information.diagonal(dim1=1, dim2=2).amax(1).clamp_min(NOTHING)
             information = information + torch.diag_embed(damping[:, None].expand(-1, 3))
         else:
             lost = now[3] < likelihoods - WORSE

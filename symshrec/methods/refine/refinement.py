@@ -1,6 +1,6 @@
-"""M4 steps 3 and 4 for any method: planes refined by maximum likelihood and point to plane, never to a worse fit."""
+"""M4 steps 3 and 4 for any method: planes refined by maximum likelihood and point to plane, if they then fit better."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -11,6 +11,7 @@ from symshrec.methods.refine.coupling import images_of_planes
 from symshrec.methods.refine.density import densities
 from symshrec.methods.refine.frame import frame_of
 from symshrec.methods.refine.likelihood import ascended, divergence
+from symshrec.methods.refine.settings import check_ranges
 from symshrec.planes import Planes
 
 COARSE_POINTS, COARSE_STEPS = 800, 4
@@ -18,24 +19,32 @@ FINE_POINTS, FINE_STEPS = 1500, 3
 LONGEST_STEP = 0.06
 STARTS = (0, 2)  # the coarsest density from which planes ascend, tried one after the other
 TIED, LIKELY = 0.025, 0.1  # divergences above the best plane's: of planes tied together, of planes that fit
+MOST_TIED = 60  # planes; the relations of more would take too long
 FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a share of the cloud's size
 
 
 @dataclass(frozen=True)
 class RefineSettings:
-    """points: most used of a cloud. neighbours, together, rounds: as in `M4Settings`."""
+    """points: most used of a cloud. neighbours, together, rounds: as in `M4Settings`.
+
+    Raises:
+        ValueError: naming the setting that is out of its range.
+    """
 
     points: int = 8192
     neighbours: int = 12
     together: bool = True
     rounds: int = 10
 
+    def __post_init__(self):
+        check_ranges(self, {"points": (64, np.inf), "neighbours": (4, np.inf), "rounds": (0, np.inf)})
+
 
 @dataclass(frozen=True, eq=False)
 class Refined:
     """planes: K refined planes, in the order and with the confidences given.
 
-    kept (K,) bool: where the given plane fitted better than any other found and was kept.
+    kept (K,) bool: where no plane was found within reach that fits better, so that the given one stayed.
     """
 
     planes: Planes
@@ -44,9 +53,10 @@ class Refined:
 
 @torch.inference_mode()
 def refine_planes(points, planes: Planes, settings: RefineSettings | None = None) -> Refined:
-    """Refine the planes that some method found, from errors of up to about 5° and 5 % of the cloud's size.
+    """Refine the planes that some method found, from errors of up to about 5° and 5 % of the cloud's diagonal.
 
-    A plane moves only where its mirror image then fits the cloud's density better, and no further than 12° and 12 %.
+    A plane moves only where its mirror image then fits the cloud's density better, and no further than 12° and 12 % of
+    the cloud's size (see `frame_of`).
 
     Args:
         points: (N, 3) tensor or array; as `symshrec.methods.m4.detection.detect_planes` takes them.
@@ -62,6 +72,7 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
         return Refined(planes, np.ones(len(planes), dtype=bool))
     given = frame.of(planes)
     ladder = densities(frame.points)
+    settings = replace(settings, together=settings.together and len(planes) <= MOST_TIED)
     climbed = _ascended(frame.points, ladder, *given, settings.together)
     found = _aligned(frame.points, *climbed, settings)
 
@@ -69,7 +80,7 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
         return divergence(ladder[-1], frame.points, *planes)
 
     found = _where(fit(found) > climbed[2] + TIED, climbed, found)
-    worse = (fit(found) > fit(given)) | _far(found, given)
+    worse = (fit(found) >= fit(given)) | _far(found, given)
     normals, offsets = _where(worse, given, found)
     kept = worse.cpu().numpy()
     found = frame.planes(normals, offsets, planes.confidences)
@@ -103,11 +114,11 @@ def _ascended(points: Tensor, ladder, normals: Tensor, offsets: Tensor, together
     return normals, offsets, divergence(fine, points, normals, offsets)
 
 
-def _aligned(points: Tensor, normals: Tensor, offsets: Tensor, misfits: Tensor, settings: RefineSettings):
+def _aligned(points: Tensor, normals: Tensor, offsets: Tensor, divergences: Tensor, settings: RefineSettings):
     """The planes that fit best aligned point to plane, the others as they are."""
     normals, offsets = normals.clone(), offsets.clone()
-    order = torch.argsort(misfits, stable=True)
-    sure = order[misfits[order] < misfits.min() + TIED]
+    order = torch.argsort(divergences, stable=True)
+    sure = order[divergences[order] < divergences.min() + TIED]
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
     normals[sure], offsets[sure] = aligned(points, normals[sure], offsets[sure], settings.together, alignment)
     return normals, offsets
@@ -133,15 +144,15 @@ def _better(best, other):
     return _where(other[2] < best[2], other, best)
 
 
-def _images(ladder, some: Tensor, more: Tensor, normals: Tensor, offsets: Tensor, misfits: Tensor):
+def _images(ladder, some: Tensor, more: Tensor, normals: Tensor, offsets: Tensor, divergences: Tensor):
     """For planes that do not fit yet, images of those that do in each other, where near; with their divergences."""
-    good = misfits < misfits.min() + LIKELY
+    good = divergences < divergences.min() + LIKELY
     if good.all() or good.sum() < 2:
-        return normals, offsets, misfits
+        return normals, offsets, divergences
     images, places = (each.flatten(0, 1) for each in images_of_planes(normals[good], offsets[good]))
     cosines = normals @ images.T
     nearest = cosines.abs().argmax(1)
     near = (cosines.abs().amax(1) > np.cos(np.deg2rad(FARTHEST_DEG))) & ~good
     there, distances = ascended(ladder[-2], some, images[nearest], places[nearest], COARSE_STEPS, LONGEST_STEP)
     fit = divergence(ladder[-2], more, there, distances)
-    return _where(near, (there, distances, fit), (normals, offsets, misfits))
+    return _where(near, (there, distances, fit), (normals, offsets, divergences))

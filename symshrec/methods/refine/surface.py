@@ -18,19 +18,18 @@ class Neighbours:
         if points.device.type == "cpu":
             self.tree = cKDTree(points.numpy(), leafsize=16)
 
-    def query(self, queries: Tensor, count: int) -> tuple[Tensor, Tensor]:
-        """Distances and indices (..., count) of the nearest points to (..., 3) queries, nearest first."""
+    def query(self, queries: Tensor, count: int) -> Tensor:
+        """Indices (..., count) of the nearest points to (..., 3) queries, nearest first."""
         shape = (*queries.shape[:-1], count)
         if self.tree is not None:
-            distances, nearest = self.tree.query(queries.numpy(), count)
-            distances, nearest = np.reshape(distances, shape), np.reshape(nearest, shape)
-            return torch.from_numpy(distances).to(queries.dtype), torch.from_numpy(nearest)
+            _, nearest = self.tree.query(queries.numpy(), count)
+            return torch.from_numpy(np.reshape(nearest, shape))
         rows = max(1, CELLS // len(self.points))
         found = [
-            torch.cdist(part, self.points).topk(count, largest=False) for part in queries.reshape(-1, 3).split(rows)
+            torch.cdist(part, self.points, compute_mode="donot_use_mm_for_euclid_dist").topk(count, largest=False)[1]
+            for part in queries.reshape(-1, 3).split(rows)
         ]
-        distances, nearest = (torch.cat(column).reshape(shape) for column in zip(*found, strict=True))
-        return distances, nearest
+        return torch.cat(found).reshape(shape)
 
 
 def local_planes(around: Tensor, scales: tuple[float, ...]) -> tuple[Tensor, Tensor]:
