@@ -36,6 +36,7 @@ data: setup
 
 tables: data
 	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
+	$(BIN)/python experiments/evaluate.py --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
 	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
 	$(BIN)/python experiments/tables.py data=$(SCALE)
 
