@@ -18,6 +18,7 @@ from symshrec.benchmark.official import write_track
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.datamodule import collate
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.detector import one_thread
 from symshrec.methods.m3.detection import spatial_order
 from symshrec.metrics import evaluate
 from symshrec.planes import PackedPlanes, Planes
@@ -148,7 +149,7 @@ def batch_timing(method: SymmetryMethod, clouds: Sequence[LabelledCloud], core_s
 def _seconds_each(find: Callable[[Tensor], object], clouds: Sequence[LabelledCloud]) -> np.ndarray:
     """Seconds (C,) for every cloud on one core, the first of all done once before."""
     points = [torch.from_numpy(cloud.points) for cloud in clouds]
-    with threadpool_limits(1):
+    with threadpool_limits(1), one_thread():
         find(points[0])
         return np.array([seconds_of(lambda p=each: find(p)) for each in points])
 
