@@ -24,7 +24,7 @@ class SymmetryMethod(LightningModule):
         count_threshold: planes of at least this confidence count as found in the count accuracy.
         workers: processes for what is done cloud by cloud on the CPU; 0 and 1 work in this one. They start with the
             first batch and end with the run. The planes do not depend on their number.
-        refine: whether point-to-plane refinement follows detection (see `refine_planes`).
+        refine: whether refinement follows detection (see `refine_planes`).
     """
 
     oracle = False
