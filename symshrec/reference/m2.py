@@ -1,4 +1,4 @@
-"""§3.2 M2's loss and cleaning line by line as the paper words them, without the shortcuts of `methods.m2`: for tests."""
+"""§3.2 M2's loss and cleaning line by line as the paper words them, without the shortcuts of `methods.m2`."""
 
 import numpy as np
 import torch
@@ -6,7 +6,7 @@ from torch import Tensor
 
 
 def mirrored_chamfer(points: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
-    """D(P, P′) of one cloud (N, 3) and its mirror image in each plane n·x + d = 0 of normals (H, 3), offsets (H,): (H,)."""
+    """D(P, P′) of one cloud (N, 3) and its mirror images in the planes n·x + d = 0, (H, 3) and (H,): (H,)."""
     distances = []
     for normal, offset in zip(normals, offsets, strict=True):
         mirrored = points - 2 * (points @ normal + offset)[:, None] * normal

@@ -1,12 +1,12 @@
-"""§3.2 The symmetry term: the Chamfer distance D(P, P′) between clouds and their mirror images, for many planes at once.
+"""§3.2 The symmetry term: the Chamfer distance D(P, P′) of clouds and mirror images, for many planes at once.
 
 For a point p, a point q and the plane n·x + d = 0 with unit n and heights h(x) = n·x + d, mirroring p to p′ gives
 
     |p′ − q|² = |p − q|² + 4 h(p) h(q).
 
-The right side does not tell p from q: a mirror is an isometry and its own inverse. So the two directions of D sum to the
-same, one of them doubled is the whole, and all planes of a cloud share its distances |p − q|², each adding a product of
-heights.
+The right side does not tell p from q: a mirror is an isometry and its own inverse. So the two directions of D sum to
+the same, one of them doubled is the whole, and all planes of a cloud share its distances |p − q|², each adding a
+product of heights.
 """
 
 import torch
@@ -23,7 +23,7 @@ def mirrored_chamfer(
     queries: Tensor | None = None,
     chunk_bytes: int | None = None,
 ) -> Tensor:
-    """Σ_p min_q |p′ − q|² + Σ_q min_p |q − p′|² of every cloud and plane: a sum of squares, in the cloud's unit squared.
+    """Σ_p min_q |p′ − q|² + Σ_q min_p |q − p′|² of every cloud and plane, in the cloud's unit squared.
 
     Differentiable in the planes, on any device, in the precision of the points also under autocast. A nearest point is
     looked for without gradient; its squared distance exceeds the least by at most a share of N · 2⁻²³ (2⁻⁵² in double
@@ -59,11 +59,9 @@ def mirrored_chamfer(
             mirrored, query_heights = points[:, queries], heights[..., queries]
         with torch.no_grad():
             # Differences, not a product of matrices: close points must not drown in the rounding of far ones.
-            distances = torch.cdist(
-                mirrored, points, compute_mode="donot_use_mm_for_euclid_dist"
-            ).square_()  # (B, Q, N)
+            distances = torch.cdist(mirrored, points, compute_mode="donot_use_mm_for_euclid_dist").square_()
             nearest = _nearest(distances, query_heights.detach(), heights.detach(), chunk_bytes)  # (B, H, Q)
-            unmirrored = distances.gather(2, nearest.mT).mT
+            unmirrored = distances.gather(2, nearest.mT).mT  # (B, H, Q), of (B, Q, N)
         squares = unmirrored + 4 * query_heights * heights.gather(2, nearest)
         return squares.sum(2) * (2 * count / mirrored.shape[1])
 
@@ -85,14 +83,11 @@ def _nearest(distances: Tensor, query_heights: Tensor, heights: Tensor, chunk_by
     chunk = distances.new_empty(cloud_step * head_step * queries * count)
     nearest = torch.empty(clouds, heads, queries, dtype=torch.int64, device=distances.device)
     for cloud in range(0, clouds, cloud_step):
-        these = slice(cloud, cloud + cloud_step)
         for head in range(0, heads, head_step):
-            to, of = (
-                query_heights[these, head : head + head_step, :, None],
-                heights[these, head : head + head_step, None],
-            )
-            squares = chunk[: to.numel() * count].view(*to.shape[:3], count)
-            torch.addcmul(distances[these, None], to, of, value=4.0, out=squares)
+            at = slice(cloud, cloud + cloud_step), slice(head, head + head_step)
+            mirrored = query_heights[at][..., None]  # (b, h, Q, 1)
+            squares = chunk[: mirrored.numel() * count].view(*mirrored.shape[:3], count)
+            torch.addcmul(distances[at[0], None], mirrored, heights[at][:, :, None], value=4.0, out=squares)
             packed = squares.view(integer).bitwise_and_(~place_bits).bitwise_or_(places)
-            nearest[these, head : head + head_step] = packed.amin(3).bitwise_and_(place_bits)
+            nearest[at] = packed.amin(3).bitwise_and_(place_bits)
     return nearest

@@ -1,0 +1,341 @@
+"""§3.2 M2's parts: the loss and the cleaning of the plain version, an encoder blind to order, heads side by side."""
+
+import numpy as np
+import pytest
+import torch
+from torch.nn import functional
+
+from symshrec.benchmark.config import BenchmarkConfig
+from symshrec.benchmark.surfaces import draw_shape
+from symshrec.geometry import farthest_point_sampling
+from symshrec.methods.m2.autoencoder import MaskedAutoencoder, chamfer_l2
+from symshrec.methods.m2.chamfer import mirrored_chamfer
+from symshrec.methods.m2.cleaning import CleaningSettings, Confidence, clean, confidences
+from symshrec.methods.m2.encoder import Encoder, EncoderSizes
+from symshrec.methods.m2.heads import PlaneHeads, hemisphere, unit_planes
+from symshrec.methods.m2.loss import orthogonality, symmetry_loss
+from symshrec.methods.m2.patches import cut_patches
+from symshrec.reference import m2 as reference
+
+SIZES = EncoderSizes(groups=12, neighbours=8, width=24, depth=2, heads=3)
+
+
+def random_clouds(clouds=3, count=90, seed=0, dtype=torch.float32):
+    points = torch.randn(clouds, count, 3, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+    points = points - points.mean(1, keepdim=True)
+    return points / points.norm(dim=2).amax(1)[:, None, None]
+
+
+def random_planes(clouds=3, heads=5, seed=1, dtype=torch.float32, **options):
+    raw = torch.randn(clouds, heads, 4, generator=torch.Generator().manual_seed(seed), dtype=dtype)
+    return raw.mul_(torch.tensor([1, 1, 1, 0.2], dtype=dtype)).requires_grad_(**options)
+
+
+def chamfer_one_by_one(points, normals, offsets):
+    return torch.stack([reference.mirrored_chamfer(*each) for each in zip(points, normals, offsets, strict=True)])
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(torch.float64, 1e-10), (torch.float32, 1e-3)])
+def test_chamfer_and_its_gradient_are_those_of_the_plain_version(dtype, tolerance):
+    points, raw = random_clouds(dtype=dtype), random_planes(dtype=dtype)
+    results = []
+    for chamfer in (mirrored_chamfer, chamfer_one_by_one):
+        found = chamfer(points, *unit_planes(raw))
+        results.append((found, torch.autograd.grad(found.sum(), raw)[0]))
+    torch.testing.assert_close(*results, rtol=tolerance, atol=tolerance)
+
+
+def test_both_directions_of_an_exact_mirror_sum_to_the_same():
+    """What lets one direction, doubled, stand for both."""
+    points = random_clouds(1, dtype=torch.float64)[0]
+    for normal, offset in zip(*(each[0] for each in unit_planes(random_planes(dtype=torch.float64))), strict=True):
+        mirrored = points - 2 * (points @ normal + offset)[:, None] * normal
+        squares = torch.cdist(mirrored, points).square()
+        torch.testing.assert_close(squares, squares.T)  # |p′ − q| = |q′ − p|
+        torch.testing.assert_close(squares.amin(0).sum(), squares.amin(1).sum())
+
+
+@pytest.mark.parametrize("chunk_bytes", [0, 90 * 90 * 4 * 2, 90 * 90 * 4 * 7, 2**30])
+def test_chunks_change_nothing(chunk_bytes):
+    points, planes = random_clouds(), unit_planes(random_planes())
+    whole = mirrored_chamfer(points, *planes)
+    assert torch.equal(mirrored_chamfer(points, *planes, chunk_bytes=chunk_bytes), whole)
+
+
+def test_queries_estimate_the_sum_over_all_points_without_bias():
+    points, planes = random_clouds(2, 60, dtype=torch.float64), unit_planes(random_planes(2, dtype=torch.float64))
+    whole = mirrored_chamfer(points, *planes)
+    parts = torch.randperm(60, generator=torch.Generator().manual_seed(0)).split(15)
+    estimates = torch.stack([mirrored_chamfer(points, *planes, queries=part) for part in parts])
+    assert (estimates - whole).abs().max() > 0.01
+    torch.testing.assert_close(estimates.mean(0), whole)
+
+
+def test_chamfer_and_regularisation_keep_full_precision_under_autocast():
+    points, raw = random_clouds(), random_planes()
+    expected = symmetry_loss(points, *unit_planes(raw)).total
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        assert torch.equal(symmetry_loss(points, *unit_planes(raw)).total, expected)
+
+
+@pytest.fixture(scope="module")
+def petals():
+    """A clean generated petal cone as M2 sees it, and the normals of its true planes."""
+    shape = draw_shape("geometric_petal", np.random.default_rng(3), BenchmarkConfig())
+    points = torch.from_numpy(shape.points).float()
+    points = points[farthest_point_sampling(points, torch.tensor([len(points)]), 1024)[0]]
+    points = points - points.mean(0)
+    return points / points.norm(dim=1).max(), torch.from_numpy(shape.planes.normals).float()
+
+
+def through_centre(points, normals):
+    return mirrored_chamfer(points[None], normals[None], normals.new_zeros(1, len(normals)))[0]
+
+
+def test_a_true_plane_costs_less_than_the_limit_and_a_wrong_one_much_more(petals):
+    points, normals = petals
+    angle = torch.deg2rad(torch.tensor(5.0))
+    aside = functional.normalize(torch.linalg.cross(normals, normals.roll(1, 1)), dim=1)
+    true = through_centre(points, normals)
+    near = through_centre(points, normals * angle.cos() + aside * angle.sin())
+    wrong = through_centre(points, hemisphere(27)).median()
+    limit = CleaningSettings().loss_limit
+    assert true.max() < limit < 2 * limit < wrong
+    assert (near > 1.5 * true).all()
+
+
+def test_loss_is_the_plain_one_averaged_over_clouds():
+    points, raw = random_clouds(dtype=torch.float64), random_planes(dtype=torch.float64)
+    normals, offsets = unit_planes(raw)
+    loss = symmetry_loss(points, normals, offsets)
+    plain = [reference.symmetry_loss(*each) for each in zip(points, normals, offsets, strict=True)]
+    torch.testing.assert_close(loss.total, torch.stack(plain).mean())
+    torch.testing.assert_close(loss.total, loss.symmetry + 17 * loss.regularisation)
+    torch.testing.assert_close(loss.symmetry, loss.chamfer.sum(1).mean())
+
+
+def test_the_floor_of_the_regularisation_is_216():
+    axes = torch.eye(3, dtype=torch.float64).repeat(9, 1)[None]
+    torch.testing.assert_close(orthogonality(axes), torch.tensor([216.0], dtype=torch.float64))
+    random = functional.normalize(torch.randn(200, 27, 3, generator=torch.Generator().manual_seed(0)), dim=2)
+    assert (orthogonality(random) > 216).all()
+    torch.testing.assert_close(orthogonality(torch.eye(3)[:1].repeat(1, 27, 1)), torch.tensor([27.0**2 - 27]))
+
+
+def test_orthogonality_pulls_on_unit_normals_alone():
+    one = torch.eye(3)[None]
+    assert orthogonality(one).item() == 0
+    torch.testing.assert_close(orthogonality(2 * one), torch.tensor([27.0]))
+
+
+@pytest.mark.parametrize(
+    ("shapes", "message"),
+    [
+        (((2, 9, 2), (2, 4, 3), (2, 4)), "points are"),
+        (((2, 0, 3), (2, 4, 3), (2, 4)), "points are"),
+        (((2, 9, 3), (1, 4, 3), (1, 4)), "normals"),
+        (((2, 9, 3), (2, 4, 3), (2, 5)), "offsets"),
+    ],
+)
+def test_shapes_that_do_not_fit_are_named(shapes, message):
+    with pytest.raises(ValueError, match=message):
+        mirrored_chamfer(*(torch.zeros(shape) for shape in shapes))
+
+
+def test_points_of_half_precision_are_refused():
+    with pytest.raises(ValueError, match="bfloat16"):
+        mirrored_chamfer(torch.zeros(1, 5, 3, dtype=torch.bfloat16), torch.zeros(1, 2, 3), torch.zeros(1, 2))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_cleaning_is_that_of_the_plain_version(seed):
+    rng = np.random.default_rng(seed)
+    truths = rng.normal(size=(1 + seed % 5, 3))
+    normals = truths[rng.integers(0, len(truths), 27)] * rng.choice([-1, 1], (27, 1))
+    normals = normals + rng.choice([0.1, 1.0]) * rng.normal(size=(27, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    losses = rng.choice([4.0, 9.0, 30.0], 27) * rng.uniform(0.8, 1.25, 27)
+    assert clean(normals, losses).tolist() == reference.clean(normals, losses)
+
+
+def turned(degrees):
+    angles = np.deg2rad(degrees)
+    return np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+
+
+def test_merging_takes_the_lowest_loss_first_and_follows_no_chain():
+    """At 0°, 15° and 30° the first and last are further apart than 18°; the middle one is merged into the best."""
+    assert clean(turned([0, 15, 30]), np.array([3.0, 2.0, 1.0])).tolist() == [2, 0]
+    assert clean(turned([0, 15, 30]), np.array([3.0, 1.0, 2.0])).tolist() == [1]
+    assert clean(turned([0, 190, 90]), np.array([2.0, 1.0, 3.0])).tolist() == [1, 2]  # 190° is 10° the other way round
+
+
+def test_a_plane_goes_only_if_it_is_both_above_the_limit_and_above_the_mean():
+    normals = turned([0, 60, 120])
+    assert clean(normals, np.array([4.0, 5.0, 40.0])).tolist() == [0, 1]  # mean 16.3
+    assert clean(normals, np.array([1.0, 1.0, 6.9])).tolist() == [0, 1, 2]  # over 1.35 × 3, not over 7
+    assert clean(normals, np.array([40.0, 42.0, 44.0])).tolist() == [0, 1, 2]  # none stands out: all stay, as published
+    assert clean(normals, np.array([4.0, 5.0, 6.9]), CleaningSettings(mean_factor=0, loss_limit=4.5)).tolist() == [0]
+
+
+def test_cleaning_refuses_what_it_cannot_judge_and_takes_nothing_at_all():
+    assert clean(np.zeros((0, 3)), np.zeros(0)).tolist() == []
+    with pytest.raises(ValueError, match=r"\(2, 3\).*\(3,\)"):
+        clean(np.ones((2, 3)), np.ones(3))
+    with pytest.raises(ValueError, match="loss 1 is not finite"):
+        clean(turned([0, 60]), np.array([1.0, np.nan]))
+
+
+@pytest.mark.parametrize("setting", [{"merge_rad": 2.0}, {"mean_factor": -1.0}, {"loss_limit": float("nan")}])
+def test_cleaning_settings_out_of_range_are_named(setting):
+    with pytest.raises(ValueError, match=next(iter(setting))):
+        CleaningSettings(**setting)
+
+
+def test_confidences():
+    losses = np.array([0.0, 3.0, 7.0, 500.0])
+    assert confidences(losses, Confidence.none, 7.0).tolist() == [1, 1, 1, 1]
+    graded = confidences(losses, Confidence.loss, 7.0)
+    assert (np.diff(graded) < 0).all()
+    assert graded[0] == 1
+    assert graded[2] == 0.5
+    assert graded[3] > 0
+
+
+def test_patches_are_the_nearest_points_of_farthest_centres():
+    clouds = random_clouds(2, 50, dtype=torch.float64)
+    centres, patches = cut_patches(clouds, 6, 5)
+    for cloud, cloud_centres, cloud_patches in zip(clouds, centres, patches, strict=True):
+        chosen = farthest_point_sampling(cloud, torch.tensor([50]), 6)[0]
+        assert torch.equal(cloud_centres, cloud[chosen])
+        for centre, patch in zip(cloud_centres, cloud_patches, strict=True):
+            expected = (cloud - centre).norm(dim=1).sort().values[:5]
+            torch.testing.assert_close(patch.norm(dim=1).sort().values, expected)
+    with pytest.raises(ValueError, match=r"\(2, 50, 3\), expected .* N ≥ 51"):
+        cut_patches(clouds, 6, 51)
+
+
+@pytest.mark.parametrize("training", [True, False])
+def test_the_order_of_the_points_changes_nothing(training):
+    torch.manual_seed(0)
+    encoder = Encoder(EncoderSizes(12, 8, 24, 2, 3, drop_path=0.0)).train(training)
+    clouds = random_clouds()
+    features = encoder(clouds)
+    assert features.shape == (3, 48)
+    shuffled = clouds[:, torch.randperm(clouds.shape[1])]
+    torch.testing.assert_close(encoder(shuffled), features, rtol=1e-4, atol=1e-5)
+    assert (features[0] - features[1]).abs().max() > 0.01
+
+
+def test_published_sizes():
+    """Point-MAE's encoder has 22 million parameters; its feature is twice the width."""
+    encoder = Encoder().eval()
+    assert 21.5e6 < sum(each.numel() for each in encoder.parameters()) < 22.5e6
+    first, last = (encoder.transformer.blocks[row].drop_path for row in (0, -1))
+    assert first == 0
+    assert last == pytest.approx(0.1)
+    with torch.no_grad(), torch.autocast("cpu", dtype=torch.bfloat16):
+        assert encoder(random_clouds(1, 1024)).shape == (1, 768)
+
+
+@pytest.mark.parametrize(
+    "size", [{"groups": 0}, {"depth": 0}, {"width": 64}, {"width": 384, "heads": 5}, {"drop_path": 1.0}]
+)
+def test_sizes_out_of_range_are_named(size):
+    with pytest.raises(ValueError, match=next(iter(size))):
+        EncoderSizes(**size)
+
+
+def test_autoencoder_hides_patches_and_learns_to_tell_them():
+    torch.manual_seed(0)
+    autoencoder = MaskedAutoencoder(Encoder(SIZES))
+    clouds = random_clouds(8)
+    before = autoencoder(clouds)
+    assert before.hidden.shape == before.predicted.shape == (8, 7, 8, 3)  # 0.6 of 12, rounded down
+    assert before.visible.shape == (8, 5, 8, 3)
+    patches = torch.cat([before.hidden, before.visible], 1).flatten(1, 2)
+    assert torch.cdist(patches, clouds).amin(2).max() < 1e-3  # true patches lie on the cloud
+    optimiser = torch.optim.AdamW(autoencoder.parameters(), 3e-3)
+    for _ in range(30):
+        loss = autoencoder(clouds).loss
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+    assert loss < 0.8 * before.loss
+    unused = {name for name, each in autoencoder.named_parameters() if each.grad is None}
+    assert unused == {"encoder.class_token", "encoder.class_position"}
+
+
+def test_the_mask_follows_its_generator_and_the_hidden_patches_are_unseen():
+    autoencoder = MaskedAutoencoder(Encoder(SIZES)).eval()
+    clouds = random_clouds(1)
+    first, again = (autoencoder(clouds, torch.Generator().manual_seed(5)) for _ in range(2))
+    assert torch.equal(first.hidden, again.hidden)
+    seen = []
+    autoencoder.encoder.embedding.register_forward_hook(lambda module, given, result: seen.append(given[0]))
+    answer = autoencoder(clouds, torch.Generator().manual_seed(5))
+    centres = answer.visible.mean(2, keepdim=True) - seen[0].mean(2, keepdim=True)
+    torch.testing.assert_close(seen[0] + centres, answer.visible)
+    assert seen[0].shape[1] == 5
+
+
+def test_reconstruction_loss_is_chamfer_both_ways():
+    predicted, patches = random_clouds(4, 6, seed=1).view(2, 2, 6, 3), random_clouds(4, 6, seed=2).view(2, 2, 6, 3)
+    squares = (predicted[..., :, None, :] - patches[..., None, :, :]).square().sum(-1)
+    torch.testing.assert_close(chamfer_l2(predicted, patches), squares.amin(-1).mean() + squares.amin(-2).mean())
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.05, 1.0])
+def test_a_mask_of_nothing_or_everything_is_refused(ratio):
+    with pytest.raises(ValueError, match="mask_ratio"):
+        MaskedAutoencoder(Encoder(SIZES), mask_ratio=ratio)
+
+
+def test_heads_side_by_side_are_heads_one_by_one():
+    torch.manual_seed(0)
+    heads, features = PlaneHeads(20, heads=5, hidden=16, dropout=0.0), torch.randn(7, 20)
+    normals, offsets = heads(features)
+    torch.testing.assert_close(normals.norm(dim=2), torch.ones(7, 5))
+    for head in range(5):
+        values = features
+        for layer in (heads.first, heads.second):
+            values = functional.linear(values, layer.weight[head], layer.bias[head])
+            values = functional.relu(functional.batch_norm(values, None, None, training=True))
+        raw = functional.linear(values, heads.third.weight[head], heads.third.bias[head])
+        length = raw[:, :3].norm(dim=1, keepdim=True)
+        torch.testing.assert_close(torch.cat([normals[:, head], offsets[:, head, None]], 1), raw / length)
+
+
+def test_heads_start_apart_and_answer_in_full_precision():
+    torch.manual_seed(0)
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        normals, offsets = PlaneHeads(48).eval()(torch.randn(4, 48))
+    assert normals.dtype == offsets.dtype == torch.float32
+    assert (normals @ hemisphere(27).T).diagonal(dim1=1, dim2=2).min() > 0.9
+    assert offsets.abs().max() < 0.3
+
+
+def test_a_normal_without_length_is_a_plane_without_gradient():
+    raw = torch.tensor([[0.0, 0, 0, 5], [1e-9, 0, 0, 1], [0, 3, 4, 10]], requires_grad=True)
+    normals, offsets = unit_planes(raw)
+    assert normals.tolist()[:2] == [[0, 0, 1], [0, 0, 1]]
+    torch.testing.assert_close(offsets, torch.tensor([0.0, 0.0, 2.0]))
+    (normals.sum() + offsets.sum()).backward()
+    assert raw.grad[:2].eq(0).all()
+    assert raw.grad.isfinite().all()
+
+
+@pytest.mark.parametrize("argument", [{"heads": 0}, {"hidden": 0}, {"dropout": 1.0}])
+def test_head_arguments_out_of_range_are_named(argument):
+    with pytest.raises(ValueError, match=next(iter(argument))):
+        PlaneHeads(**{"features": 48} | argument)
+
+
+def test_gradient_reaches_every_part():
+    torch.manual_seed(0)
+    encoder = Encoder(SIZES)
+    heads = PlaneHeads(2 * SIZES.width, heads=6, hidden=16)
+    clouds = random_clouds(4)
+    symmetry_loss(clouds, *heads(encoder(clouds))).total.backward()
+    parameters = [*encoder.named_parameters(), *heads.named_parameters()]
+    assert all(each.grad is not None and each.grad.isfinite().all() for _, each in parameters)
