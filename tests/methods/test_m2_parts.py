@@ -135,6 +135,7 @@ def test_orthogonality_pulls_on_unit_normals_alone():
         (((2, 0, 3), (2, 4, 3), (2, 4)), "points are"),
         (((2, 9, 3), (1, 4, 3), (1, 4)), "normals"),
         (((2, 9, 3), (2, 4, 3), (2, 5)), "offsets"),
+        (((2, 9, 3), (2, 0, 3), (2, 0)), "H ≥ 1"),
     ],
 )
 def test_shapes_that_do_not_fit_are_named(shapes, message):

@@ -26,7 +26,7 @@ def mirrored_chamfer(
     """Σ_p min_q |p′ − q|² + Σ_q min_p |q − p′|² of every cloud and plane, in the cloud's unit squared.
 
     Differentiable in the planes, on any device, in the precision of the points also under autocast. A nearest point is
-    looked for without gradient; its squared distance exceeds the least by at most a share of N · 2⁻²³ (2⁻⁵² in double
+    looked for without gradient; its squared distance exceeds the least by at most a share of N · 2⁻²² (2⁻⁵¹ in double
     precision), because its place is written over the last bits of its distance.
 
     Args:
@@ -42,14 +42,14 @@ def mirrored_chamfer(
         (B, H), not negative but for rounding.
 
     Raises:
-        ValueError: for shapes that do not fit each other, no points, or points in another precision.
+        ValueError: for shapes that do not fit each other, no points or planes, or points in another precision.
     """
     clouds, count, heads = len(points), points.shape[1], normals.shape[1]
     if points.shape != (clouds, count, 3) or not count or points.dtype not in PACKABLE:
         raise ValueError(f"points are {points.dtype} {tuple(points.shape)}, expected float32 or float64 (B, N ≥ 1, 3)")
-    if normals.shape != (clouds, heads, 3) or offsets.shape != (clouds, heads):
+    if normals.shape != (clouds, heads, 3) or not heads or offsets.shape != (clouds, heads):
         shapes = f"normals {tuple(normals.shape)} and offsets {tuple(offsets.shape)}"
-        raise ValueError(f"{shapes} do not fit {clouds} clouds; expected (B, H, 3) and (B, H)")
+        raise ValueError(f"{shapes} do not fit {clouds} clouds; expected (B, H ≥ 1, 3) and (B, H)")
     if chunk_bytes is None:
         chunk_bytes = CHUNK_BYTES.get(points.device.type, CHUNK_BYTES["cpu"])
     with torch.autocast(points.device.type, enabled=False):
@@ -79,7 +79,7 @@ def _nearest(distances: Tensor, query_heights: Tensor, heights: Tensor, chunk_by
     places = torch.arange(count, dtype=integer, device=distances.device)
     place_bits = (1 << (count - 1).bit_length()) - 1
     pairs = max(1, chunk_bytes // (distances.element_size() * queries * count))
-    head_step, cloud_step = min(pairs, heads), max(1, pairs // heads)
+    head_step, cloud_step = min(pairs, heads), min(max(1, pairs // heads), clouds)
     chunk = distances.new_empty(cloud_step * head_step * queries * count)
     nearest = torch.empty(clouds, heads, queries, dtype=torch.int64, device=distances.device)
     for cloud in range(0, clouds, cloud_step):

@@ -17,8 +17,8 @@ class PlaneHeads(nn.Module):
         heads: H.
         hidden: width of the two layers between.
         dropout: share of hidden values left out in training.
-        spread: whether the heads start as planes through the origin whose normals are spread over the hemisphere, in
-            place of the usual start, by which all are much the same and their offsets as large as the cloud.
+        spread: whether the heads start near planes through the origin whose normals are spread over the hemisphere.
+            Not in the paper; the usual start gives planes by chance, with offsets as large as the cloud.
 
     Raises:
         ValueError: naming the argument that is out of its range.
