@@ -38,6 +38,9 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
         sampling=data.sampling.kind,
         points=data.sampling.points,
         seed=config.seed,
+        train_batch_size=config.train.batch_size,
+        steps_per_round=config.train.steps_per_round,
+        validation_clouds=data.validation_clouds,
     )
 
 
