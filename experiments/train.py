@@ -1,4 +1,4 @@
-"""§3.1–3.2 Training: `python experiments/train.py method=m1 run=r4 data=paper trainer=gpu`, killed and resumed at will."""
+"""§3.1–3.2 Training, to be killed and resumed at will: `python experiments/train.py method=m1 run=r4 data=paper`."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What the datamodule hands to a method: a ragged batch of clouds with their truth, or samples of them to learn from."""
+"""What the datamodule hands to a method: clouds end to end with their truth, or samples of them to learn from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -80,9 +80,9 @@ class Batch:
 class SampledBatch:
     """Equally many points of B clouds, with what is to be learnt.
 
-    points (B, N, 3) float32. normals (B, K, 3): the true planes', zero beyond a cloud's own. counts (B,) int64: how many
-    are its own; 0 where it has none or its truth is withheld. centres (B, 3): the mean of the points given with the
-    true planes, zero where there are none.
+    points (B, N, 3) float32. normals (B, K, 3): the true planes', zero beyond a cloud's own. counts (B,) int64: how
+    many are its own; 0 where it has none or its truth is withheld. centres (B, 3): the mean of the points given with
+    the true planes, zero where there are none.
     """
 
     points: Tensor

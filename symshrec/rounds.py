@@ -9,9 +9,9 @@ from torch.utils.data import Sampler
 class RoundSampler(Sampler[list[int]]):
     """Indices of the batches of one round.
 
-    Every epoch is a permutation of the clouds drawn from (seed, epoch), cut into batches; what does not fill one is left
-    to the next epoch's chance. Rounds are stretches of `steps` batches of that endless row, so a run that is resumed at
-    a round sees what it would have seen.
+    Every epoch is a permutation of the clouds drawn from (seed, epoch), cut into batches; what does not fill one is
+    left to the next epoch's chance. Rounds are stretches of `steps` batches of that endless row, so a run that is
+    resumed at a round sees what it would have seen.
 
     Args:
         clouds: in the training set.

@@ -26,6 +26,7 @@ from symshrec.reporting.tensorboard import TensorBoardTraining
 
 log = logging.getLogger(__name__)
 WEIGHTS, CHECKPOINT, RECORD, SETTINGS = "weights.safetensors", "last.ckpt", "training.json", "settings.json"
+EVERY_ROUND = {"every_n_epochs": 1, "save_on_train_epoch_end": True}
 NO_INFLUENCE = (  # beginnings of keys
     "data.batch_size",
     "data.hard",
@@ -105,7 +106,8 @@ def _refuse_others(folder: Path, settings: dict[str, object]) -> None:
         return
     differing = sorted(key for key in there.keys() | settings.keys() if there.get(key) != settings.get(key))
     raise ValueError(
-        f"{folder} holds a training with other settings ({', '.join(differing)}); name another train.folder, or remove it"
+        f"{folder} holds a training with other settings ({', '.join(differing)}); name another train.folder, or remove "
+        "that one"
     )
 
 
@@ -171,9 +173,7 @@ def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) 
     del arguments["max_epochs"]
     callbacks = [
         progress,
-        ModelCheckpoint(
-            folder, filename="last", every_n_epochs=1, save_on_train_epoch_end=True, enable_version_counter=False
-        ),
+        ModelCheckpoint(folder, filename=Path(CHECKPOINT).stem, enable_version_counter=False, **EVERY_ROUND),
         LearningRateMonitor("step"),
         TensorBoardTraining(settings.clouds_shown),
     ]
@@ -195,23 +195,20 @@ def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) 
 def _record(config, folder: Path, method: LearnedMethod, data, trainer: Trainer, progress: Progress, settings) -> dict:
     """Write the weights and, last, training.json: how they came about and what the validating fold says of them."""
     trainer.validate(method, datamodule=data, verbose=False)
+    split = data.split("train")
+    scores = {name: float(value) for name, value in sorted(trainer.callback_metrics.items()) if "val/" in name}
     result = {
         "name": config.title,
         "method": config.method.name,
         "run": config.run.name,
         "fold": config.data.fold,
-        "data": {
-            "name": f"{config.data.name}{config.data.variant}",
-            "manifest_sha256": data.split("train").fingerprint,
-        },
+        "data": {"name": f"{config.data.name}{config.data.variant}", "manifest_sha256": split.fingerprint},
         "clouds": progress.clouds,
         "epochs": round(progress.clouds / len(data.datasets["train"]), 3),
         "steps": trainer.global_step,
         "seconds": round(progress.seconds, 1),
         "share_waiting_for_data": round(progress.waited / max(progress.seconds, 1e-9), 5),
-        "validation": {
-            key: round(float(value), 5) for key, value in sorted(trainer.callback_metrics.items()) if "val/" in key
-        },
+        "validation": {name: round(value, 5) for name, value in scores.items()},
         "validation_clouds": len(data.datasets["val"]),
         "seed": config.seed,
         "settings": settings,
@@ -219,10 +216,8 @@ def _record(config, folder: Path, method: LearnedMethod, data, trainer: Trainer,
         "peak_memory_mib": peak_memory_mib(),
         "code": code_version(),
     }
-    weights = folder / WEIGHTS
-    write_weights(
-        weights, method.name, plain_settings(method.network_settings), result, method.networks[0].state_dict()
-    )
+    weights, network = folder / WEIGHTS, method.networks[0]
+    write_weights(weights, method.name, plain_settings(method.network_settings), result, network.state_dict())
     result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
     if trainer.is_global_zero:
         write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())

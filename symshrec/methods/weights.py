@@ -64,7 +64,7 @@ def read_weights(name: str, method: str) -> Weights:
 def write_weights(
     path: Path, method: str, network: Mapping, training: Mapping, tensors: Mapping[str, Tensor], exact: Sequence = ()
 ) -> None:
-    """Matrices in half precision, vectors (biases, norms and their statistics) in single; in place at once or not at all.
+    """Matrices in half precision, vectors (biases, norms, statistics) in single; in place at once or not at all.
 
     Args:
         path: a .safetensors file.

@@ -1,5 +1,6 @@
 """§3.1, figure 3: point-wise features (PointNet or PCT), spatially weighted pooling, three dense heads."""
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import torch
@@ -81,7 +82,7 @@ class PointNet(nn.Module):
     def __init__(self, features: int):
         super().__init__()
         widths = (3, 64, 128, 512, features)
-        self.layers = nn.Sequential(*(PointLayer(*pair) for pair in zip(widths, widths[1:], strict=False)))
+        self.layers = nn.Sequential(*(PointLayer(*pair) for pair in pairwise(widths)))
 
     def forward(self, points: Tensor) -> Tensor:
         return self.layers(points)

@@ -61,7 +61,7 @@ class LossSettings:
         confidence, vector, centre, reflection: weights of Eq. 2, Eq. 3, Eq. 4 and the reflection loss.
         form: of Eq. 3.
         match_confidence: share of the heads' confidence in the cost of the assignment, so that equal heads keep apart.
-        head_points: points of every cloud that the heads are trained on in a step, drawn anew each time; None takes all.
+        head_points: points of every cloud that the heads learn from in a step, drawn anew each time; None takes all.
 
     Raises:
         ValueError: for a negative weight, or where neither vector nor reflection has one.
