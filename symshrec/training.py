@@ -18,6 +18,7 @@ from symshrec.benchmark.storage import write_atomically
 from symshrec.datamodule import SymmetryDataModule
 from symshrec.detection import method_of
 from symshrec.evaluation import datamodule_of
+from symshrec.loading import SamplingKind
 from symshrec.methods.learned import LearnedMethod, plain_settings
 from symshrec.methods.optimiser import OptimiserSettings
 from symshrec.methods.weights import load_into, read_weights, write_weights
@@ -60,8 +61,12 @@ def train(config: DictConfig) -> dict | None:
     Raises:
         ValueError: where the folder holds a training of other settings, or the method has nothing to train.
     """
+    if "weights" not in config.method:
+        raise ValueError(f"method={config.method.name} has nothing to train")
     config = config.copy()
     config.method.weights = []
+    if config.data.sampling.kind is SamplingKind.none:  # the network draws its points itself, but not in every epoch
+        config.data.sampling = {"kind": SamplingKind.farthest, "points": config.method.network.points}
     folder = Path(config.train.folder)
     settings = decisive_settings(config)
     _refuse_others(folder, settings)
@@ -111,10 +116,8 @@ def _refuse_others(folder: Path, settings: dict[str, object]) -> None:
     )
 
 
-def _prepare(config: DictConfig, method, data: SymmetryDataModule) -> int:
+def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule) -> int:
     """Tell the method how it learns and give it what it starts from; returns the rounds of the training."""
-    if not isinstance(method, LearnedMethod):
-        raise ValueError(f"method={config.method.name} has nothing to train")
     settings = config.train
     data.setup("fit")
     steps = math.ceil(settings.epochs * len(data.datasets["train"]) / (settings.batch_size * config.trainer.devices))
@@ -166,7 +169,7 @@ class Progress(Callback):
 def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) -> Trainer:
     warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
     warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
-    warnings.filterwarnings("ignore", message=".*smaller than the logging interval")
+    warnings.filterwarnings("ignore", message="Checkpoint directory .* exists and is not empty")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     settings = config.train
     arguments = OmegaConf.to_container(config.trainer, resolve=True) | {"precision": settings.precision}

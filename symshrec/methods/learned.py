@@ -148,7 +148,7 @@ class LearnedMethod(SymmetryMethod):
         torch.manual_seed(hash((self.seed, self.global_step, self.global_rank)) % 2**31)
         losses = self.losses(batch.turned() if self.rotate else batch)
         if not losses["loss"].isfinite():
-            terms = ", ".join(f"{name} {float(value):.4g}" for name, value in losses.items())
+            terms = ", ".join(f"{name} {value.item():.4g}" for name, value in losses.items())
             raise FloatingPointError(
                 f"the loss of step {self.global_step} is not finite ({terms}); lower train.optimiser.learning_rate, or "
                 "take trainer.precision=32-true; the last checkpoint is from before this round"
