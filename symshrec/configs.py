@@ -178,6 +178,7 @@ class TrainerConfig:
     devices: int = 1
     strategy: str = "auto"
     precision: str = "32-true"
+    sync_batchnorm: bool = False
     max_epochs: int = 1
     enable_progress_bar: bool = True
 

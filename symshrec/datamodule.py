@@ -186,6 +186,10 @@ class SymmetryDataModule(LightningDataModule):
             name = self.test_split
             self.datasets["test"] = CloudDataset(self.split(name), self.positions(name), self.samples(name))
 
+    def training_clouds(self) -> int:
+        """How many clouds the training folds hold, without reading them."""
+        return len(self._fold(self.positions("train"))[0])
+
     def _needed(self, samples: np.ndarray | None) -> np.ndarray:
         if samples is None:
             raise ValueError("training needs sampled points; set data.sampling.kind=farthest")

@@ -66,7 +66,8 @@ def train(config: DictConfig) -> dict | None:
     config = config.copy()
     config.method.weights = []
     if config.data.sampling.kind is SamplingKind.none:  # the network draws its points itself, but not in every epoch
-        config.data.sampling = {"kind": SamplingKind.farthest, "points": config.method.network.points}
+        config.data.sampling.kind = SamplingKind.farthest
+        config.data.sampling.points = config.method.network.points
     folder = Path(config.train.folder)
     settings = decisive_settings(config)
     _refuse_others(folder, settings)
@@ -119,8 +120,7 @@ def _refuse_others(folder: Path, settings: dict[str, object]) -> None:
 def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule) -> int:
     """Tell the method how it learns and give it what it starts from; returns the rounds of the training."""
     settings = config.train
-    data.setup("fit")
-    steps = math.ceil(settings.epochs * len(data.datasets["train"]) / (settings.batch_size * config.trainer.devices))
+    steps = math.ceil(settings.epochs * data.training_clouds() / (settings.batch_size * config.trainer.devices))
     rounds = math.ceil(steps / settings.steps_per_round)
     optimiser = OptimiserSettings(**OmegaConf.to_container(settings.optimiser, resolve=True))
     method.learn_by(optimiser, rounds * settings.steps_per_round, config.seed, settings.rotate)

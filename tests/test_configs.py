@@ -16,7 +16,11 @@ from symshrec.methods.truth import Truth
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
-RUNS = {"m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5"), "m4": ("m4", "sharp", "fast"), "truth": ("truth", "near", "exact")}  # of which method; the others are m3's
+RUNS = {
+    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5"),
+    "m4": ("m4", "sharp", "fast"),
+    "truth": ("truth", "near", "exact"),
+}  # of which method; the others are m3's
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
 NEEDS["data/official"] = ["data.root=somewhere"]
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")

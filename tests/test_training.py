@@ -116,6 +116,8 @@ def test_what_was_trained_is_tested_and_recorded(tiny, smoke_config):
     assert 0 <= record["share_waiting_for_data"] < 0.5
     assert any((folder / "tensorboard").glob("events.out.tfevents.*"))
     result = evaluate(smoke_config(*TINY, f"method.weights=[{folder / 'weights.safetensors'}]", "data.limit=4"))
-    assert result["weights"] == [{"name": str(folder / "weights.safetensors"), "sha256": record["weights_sha256"]}]
+    (used,) = result["weights"]
+    assert used["sha256"] == record["weights_sha256"]
+    assert used["about"].startswith("32 points, 40")
     other = evaluate(smoke_config(*TINY, f"method.weights=[{folder / 'weights.safetensors'}]", "data.limit=5"))
     assert other["key"] != result["key"]

@@ -98,7 +98,7 @@ class LearnedMethod(SymmetryMethod):
     @property
     def weights_record(self) -> list[dict[str, str]] | None:
         """What metrics.json says of the weights."""
-        return [{"name": each.name, "sha256": each.sha256} for each in self.weights] or None
+        return [{"name": each.name, "sha256": each.sha256, "about": each.about} for each in self.weights] or None
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3).

@@ -30,6 +30,18 @@ class Weights:
     training: dict
     tensors: dict[str, Tensor]
 
+    @property
+    def about(self) -> str:
+        """One phrase on the network and its training."""
+        training = self.training
+        if not training.get("seconds"):
+            return f"{self.network.get('points')} points"
+        machine = training["hardware"]["gpu"] or training["hardware"]["cpu"]
+        return (
+            f"{self.network['points']} points, {training['epochs']:.3g} epochs of {training['data']['name']} "
+            f"(fold {training['fold']}), {training['seconds'] / 60:.0f} min on {machine}"
+        )
+
 
 def shipped(method: str = "") -> list[str]:
     """Names of the weights that come with the package, those of one method where one is named."""

@@ -16,6 +16,7 @@ from symshrec.methods.m1.network import Dense, M1Network, OffsetAttention
 from symshrec.methods.m1.settings import DecodeSettings, Encoder, LossSettings, NetworkSettings, VectorForm
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import Planes, axis_angles
+from symshrec.reference.m1 import PlainPCT, plain_decode, plain_loss
 
 SMALL = NetworkSettings(points=48, channels=16, layers=2, features=32, hidden=(24, 16), planes=4)
 
@@ -301,6 +302,28 @@ def test_a_turned_batch_has_its_planes_turned_with_it():
     torch.testing.assert_close(heights, after, rtol=1e-4, atol=1e-5)
     assert (turned.points - batch.points).abs().max() > 0.1
     assert turned.counts.tolist() == [2, 0]
+
+
+def test_the_plain_version_says_charges_and_decodes_the_same():
+    torch.manual_seed(0)
+    network = M1Network(SMALL)
+    network.train()(torch.randn(64, 48, 3))
+    network.eval()
+    points, (normals, centres) = torch.randn(2, 48, 3), (torch.zeros(2, 3, 3), torch.randn(2, 3))
+    normals[0], normals[1, :2] = torch.eye(3), torch.eye(3)[1:]
+    dense, plain_network, counts = network(points), PlainPCT(network), torch.tensor([3, 2])
+    said = [plain_network(cloud) for cloud in points]
+    for row, (axes, logits, where) in enumerate(said):
+        torch.testing.assert_close(axes, dense.normals[row], rtol=1e-3, atol=1e-4)
+        torch.testing.assert_close(logits, dense.logits[row], rtol=1e-3, atol=1e-4)
+        torch.testing.assert_close(where, dense.centres[row], rtol=1e-3, atol=1e-4)
+    ours = m1_losses(dense, points, normals, counts, centres, LossSettings(match_confidence=0))["loss"]
+    plainly = [plain_loss(*each) for each in zip(said, (normals[0], normals[1, :2]), centres, strict=True)]
+    assert ours.item() == pytest.approx(sum(each.item() for each in plainly) / 2, rel=1e-4)
+    true = Planes(np.eye(3), np.full((3, 3), 0.1), np.array([0.9, 0.8, 0.7]))
+    everything = said_by_points(true, 0.5)
+    found, plainly = decode(*everything, DecodeSettings(cluster_points=200)), plain_decode(*everything)
+    assert_same(found, plainly, atol=1e-6)
 
 
 def test_the_loss_teaches_planes():

@@ -1,5 +1,8 @@
 """§3.1, step 3: N·M predictions → DBSCAN → clusters' axes → non-maximum suppression → planes."""
 
+from collections.abc import Iterator
+from itertools import combinations_with_replacement
+
 import numpy as np
 
 from symshrec.methods.m1.settings import DecodeSettings
@@ -66,7 +69,7 @@ def dbscan(normals: np.ndarray, closeness: float, neighbours: int) -> np.ndarray
     return labels
 
 
-def _unlabelled(core: np.ndarray, labels: np.ndarray):
+def _unlabelled(core: np.ndarray, labels: np.ndarray) -> Iterator[int]:
     """Core points without a cluster, one after the other, while `labels` fills up."""
     for point in np.flatnonzero(core):
         if labels[point] == NOISE:
@@ -75,11 +78,11 @@ def _unlabelled(core: np.ndarray, labels: np.ndarray):
 
 def principal_axes(normals: np.ndarray, weights: np.ndarray, labels: np.ndarray, count: int) -> np.ndarray:
     """First principal axis of every cluster's weighted outer products: (count, 3), from (P, 3), (P,) and (P,)."""
-    members = labels > NOISE
-    products = (weights[:, None, None] * normals[:, :, None] * normals[:, None, :])[members].reshape(-1, 9)
-    moments = np.zeros((count, 9))
-    np.add.at(moments, labels[members], products)
-    return np.linalg.eigh(moments.reshape(count, 3, 3))[1][:, :, -1]
+    bins, moments = labels + 1, np.empty((count, 3, 3))  # the first bin takes the noise
+    for row, column in combinations_with_replacement(range(3), 2):
+        sums = np.bincount(bins, weights * normals[:, row] * normals[:, column], count + 1)[1:]
+        moments[:, row, column] = moments[:, column, row] = sums
+    return np.linalg.eigh(moments)[1][:, :, -1]
 
 
 def suppressed(normals: np.ndarray, confidences: np.ndarray, closeness: float) -> np.ndarray:
