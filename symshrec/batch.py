@@ -1,7 +1,9 @@
-"""What the datamodule hands to a method: a ragged batch of clouds with their truth."""
+"""What the datamodule hands to a method: clouds end to end with their truth, or samples of them to learn from."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -72,3 +74,62 @@ class Batch:
             if value is not None:
                 setattr(self, name, value.to(device, non_blocking=True))
         return self
+
+
+@dataclass
+class SampledBatch:
+    """Equally many points of B clouds, with what is to be learnt.
+
+    points (B, N, 3) float32. normals (B, K, 3): the true planes', zero beyond a cloud's own. counts (B,) int64: how
+    many are its own; 0 where it has none or its truth is withheld. centres (B, 3): the mean of the points given with
+    the true planes, zero where there are none.
+    """
+
+    points: Tensor
+    normals: Tensor
+    counts: Tensor
+    centres: Tensor
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @classmethod
+    def of(cls, points: Tensor, truth: Sequence[Planes | None]) -> "SampledBatch":
+        """From the sampled points (B, N, 3) of clouds and their true planes."""
+        known = [Planes.empty() if planes is None else planes for planes in truth]
+        counts = np.array([len(planes) for planes in known])
+        normals = np.zeros((len(known), max(1, counts.max(initial=0)), 3), np.float32)
+        centres = np.zeros((len(known), 3), np.float32)
+        for row, planes in enumerate(known):
+            normals[row, : len(planes)] = planes.normals
+            centres[row] = planes.points.mean(0) if len(planes) else 0.0
+        arrays = (torch.from_numpy(each).to(points.device) for each in (normals, counts, centres))
+        return cls(points, *arrays)
+
+    def __getitem__(self, rows) -> "SampledBatch":
+        """The clouds at `rows`, a tensor or list of indices."""
+        return SampledBatch(*(getattr(self, field.name)[rows] for field in fields(self)))
+
+    def to(self, device, non_blocking: bool = True) -> "SampledBatch":
+        """The same on another device (Lightning calls this)."""
+        return SampledBatch(
+            *(getattr(self, field.name).to(device, non_blocking=non_blocking) for field in fields(self))
+        )
+
+    def turned(self) -> "SampledBatch":
+        """Every cloud and its planes in a rotation of its own, uniform over SO(3)."""
+        quaternions = torch.nn.functional.normalize(torch.randn(len(self), 4, device=self.points.device), dim=1)
+        rotations = rotation_matrices(quaternions).transpose(1, 2)
+        centres = (self.centres[:, None] @ rotations)[:, 0]
+        return SampledBatch(self.points @ rotations, self.normals @ rotations, self.counts, centres)
+
+
+def rotation_matrices(quaternions: Tensor) -> Tensor:
+    """(B, 3, 3) of unit quaternions (B, 4), the real part first."""
+    w, x, y, z = quaternions.unbind(1)
+    rows = (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
+    )
+    return torch.stack([torch.stack(row, -1) for row in rows], 1)

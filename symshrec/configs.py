@@ -21,6 +21,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.loading import DataKind, SamplingKind
+from symshrec.methods.m1.settings import DecodeSettings, LossSettings, NetworkSettings
+from symshrec.methods.optimiser import OptimiserSettings
 
 
 @dataclass
@@ -50,6 +52,7 @@ class DataConfig:
     subset: str | None = None
     verify: bool = True
     test_split: str = "test"
+    validation_clouds: int | None = 1000
     hard: str = "hard_quick"  # the data whose P6–P9 stand beside this one's tables
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
     benchmark: BenchmarkConfig = field(default_factory=BenchmarkConfig)
@@ -72,6 +75,24 @@ class MethodConfig:
     workers: int = 1
     count_threshold: float = 0.5
     refine: bool = False
+
+
+@dataclass
+class LearnedConfig(MethodConfig):
+    """A method with weights: names of shipped ones, or .safetensors files; several answer together."""
+
+    weights: list[str] = field(default_factory=list)
+
+
+@dataclass
+class M1Config(LearnedConfig):
+    """§3.1; see symshrec.methods.m1.settings."""
+
+    _target_: str = "symshrec.methods.m1.module.M1"
+    name: str = "m1"
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+    loss: LossSettings = field(default_factory=LossSettings)
+    decode: DecodeSettings = field(default_factory=DecodeSettings)
 
 
 @dataclass
@@ -127,6 +148,29 @@ class ToleranceConfig:
 
 
 @dataclass
+class TrainConfig:
+    """How a learned method is trained (experiments/train.py).
+
+    epochs: over the training folds. batch_size: clouds a step, on each device. steps_per_round: between checkpoints;
+    a killed run loses no more. validate_every: rounds. init: weights to start from. rotate: turn every cloud anew each
+    time it comes, uniformly over SO(3). max_minutes: stop after the round in which they pass; the same command goes on.
+    """
+
+    epochs: float = 1.0
+    batch_size: int = 32
+    steps_per_round: int = 500
+    validate_every: int = 5
+    optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
+    precision: str = "bf16-mixed"
+    compile: bool = False
+    rotate: bool = False
+    init: str | None = None
+    max_minutes: float | None = None
+    clouds_shown: int = 4
+    folder: str = "${paths.runs}/${data.name}${data.variant}/training/${name}${when:${data.fold},_fold${data.fold}}"
+
+
+@dataclass
 class TrainerConfig:
     """Arguments of lightning.Trainer."""
 
@@ -134,6 +178,7 @@ class TrainerConfig:
     devices: int = 1
     strategy: str = "auto"
     precision: str = "32-true"
+    sync_batchnorm: bool = False
     max_epochs: int = 1
     enable_progress_bar: bool = True
 
@@ -164,6 +209,7 @@ class Config:
     run: RunConfig = field(default_factory=RunConfig)
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
     trainer: TrainerConfig = field(default_factory=TrainerConfig)
+    train: TrainConfig = field(default_factory=TrainConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     tensorboard: TensorBoardConfig = field(default_factory=TensorBoardConfig)
     seed: int = 2023
@@ -174,7 +220,7 @@ class Config:
     tables: list[str] = field(default_factory=list)
 
 
-METHODS = {"m3": M3Config, "m4": M4Config, "truth": TruthConfig}
+METHODS = {"m1": M1Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}
 
 
 def conf_folder() -> Path:

@@ -8,13 +8,15 @@ import torch
 from lightning import LightningDataModule
 from sklearn.model_selection import StratifiedKFold
 from torch.utils.data import DataLoader, Dataset
+from tqdm import tqdm
 
-from symshrec.batch import Batch
+from symshrec.batch import Batch, SampledBatch
 from symshrec.benchmark.cloud import FAMILIES, SOLIDS, LabelledCloud
 from symshrec.benchmark.official import OfficialFolder
 from symshrec.benchmark.perturbations import PERTURBATIONS
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.loading import DataKind, SamplingKind
+from symshrec.rounds import RoundSampler
 from symshrec.sampling import cached_samples
 
 
@@ -35,6 +37,11 @@ def collate(items: Sequence[tuple[int, LabelledCloud, np.ndarray | None]]) -> Ba
     )
 
 
+def as_it_is(batch: SampledBatch) -> SampledBatch:
+    """What the loader makes of a batch that is one already."""
+    return batch
+
+
 class CloudDataset(Dataset):
     """The clouds at `positions` of a split, with their samples where there are any."""
 
@@ -49,8 +56,30 @@ class CloudDataset(Dataset):
         return position, self.split[position], None if self.samples is None else self.samples[position]
 
 
+class SampledDataset(Dataset):
+    """The sampled points and true planes of the clouds at `positions` of a split, in memory: whole batches at once."""
+
+    def __init__(self, split, positions: np.ndarray, samples: np.ndarray, progress: bool = True):
+        points = np.empty((len(positions), samples.shape[1], 3), np.float32)
+        truth = []
+        shown = tqdm(positions, unit="cloud", desc="training clouds", disable=not progress, leave=False)
+        for row, position in enumerate(shown):
+            cloud = split[int(position)]
+            points[row] = cloud.points[samples[position]]
+            truth.append(cloud.planes)
+        self.clouds = SampledBatch.of(torch.from_numpy(points), truth)
+
+    def __len__(self) -> int:
+        return len(self.clouds)
+
+    def __getitem__(self, rows: list[int]) -> SampledBatch:
+        return self.clouds[torch.tensor(rows)]
+
+
 class SymmetryDataModule(LightningDataModule):
     """Train and validation (a fold of the training split), test and predict (the test split).
+
+    Training needs samples, which it holds in memory, so that no step waits for the disk.
 
     Args:
         root: folder of shards, or of `benchmark-train/` and `benchmark-test/` (or one such folder itself).
@@ -63,6 +92,8 @@ class SymmetryDataModule(LightningDataModule):
         sampling, points, seed: draw `points` points a cloud and cache the choice under `root`/samples.
         verify: compare every shard with its sha256 before use.
         test_split: what test and predict read; `train` for studies that must leave the test split alone.
+        train_batch_size, steps_per_round: of the training loader; see `RoundSampler`.
+        validation_clouds: the first so many of the validating fold, which the split has in no order; None takes all.
 
     Raises:
         ValueError: for an unknown label or fold, or where the filters leave no cloud.
@@ -86,6 +117,9 @@ class SymmetryDataModule(LightningDataModule):
         seed: int = 2023,
         verify: bool = True,
         test_split: str = "test",
+        train_batch_size: int = 64,
+        steps_per_round: int = 500,
+        validation_clouds: int | None = None,
     ):
         super().__init__()
         if not 0 <= fold < folds:
@@ -100,7 +134,9 @@ class SymmetryDataModule(LightningDataModule):
         self.batch_size, self.workers, self.seed = batch_size, workers, seed
         self.fold, self.folds, self.limit = fold, folds, limit
         self.sampling, self.points, self.test_split = sampling, points, test_split
-        self.datasets: dict[str, CloudDataset] = {}
+        self.train_batch_size, self.steps_per_round = train_batch_size, steps_per_round
+        self.validation_clouds = validation_clouds
+        self.datasets: dict[str, Dataset] = {}
         self._splits: dict[str, tuple] = {}
 
     def split(self, name: str):
@@ -141,13 +177,23 @@ class SymmetryDataModule(LightningDataModule):
     def setup(self, stage: str | None = None) -> None:
         """Open, filter and fold the split that the stage needs."""
         if stage in ("fit", "validate", None):
-            positions, samples = self.positions("train"), self.samples("train")
+            split, positions, samples = self.split("train"), self.positions("train"), self.samples("train")
             train, val = self._fold(positions)
-            self.datasets["train"] = CloudDataset(self.split("train"), positions[train], samples)
-            self.datasets["val"] = CloudDataset(self.split("train"), positions[val], samples)
+            if stage == "fit":
+                self.datasets["train"] = SampledDataset(split, positions[train], self._needed(samples))
+            self.datasets["val"] = CloudDataset(split, positions[val][: self.validation_clouds], samples)
         if stage in ("test", "predict", None):
             name = self.test_split
             self.datasets["test"] = CloudDataset(self.split(name), self.positions(name), self.samples(name))
+
+    def training_clouds(self) -> int:
+        """How many clouds the training folds hold, without reading them."""
+        return len(self._fold(self.positions("train"))[0])
+
+    def _needed(self, samples: np.ndarray | None) -> np.ndarray:
+        if samples is None:
+            raise ValueError("training needs sampled points; set data.sampling.kind=farthest")
+        return samples
 
     def _fold(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         split = self.split("train")
@@ -159,18 +205,15 @@ class SymmetryDataModule(LightningDataModule):
         folds = StratifiedKFold(self.folds, shuffle=True, random_state=self.seed)
         return list(folds.split(positions, strata))[self.fold]
 
-    def _loader(self, name: str, shuffle: bool = False) -> DataLoader:
-        return DataLoader(
-            self.datasets[name],
-            batch_size=self.batch_size,
-            shuffle=shuffle,
-            num_workers=self.workers,
-            collate_fn=collate,
-            persistent_workers=self.workers > 0 and shuffle,
-        )
+    def _loader(self, name: str) -> DataLoader:
+        return DataLoader(self.datasets[name], batch_size=self.batch_size, num_workers=self.workers, collate_fn=collate)
 
     def train_dataloader(self) -> DataLoader:
-        return self._loader("train", shuffle=True)
+        """Batches of one round; the sampler is told its number by Lightning."""
+        rank, processes = (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
+        clouds = self.datasets["train"]
+        sampler = RoundSampler(len(clouds), self.train_batch_size, self.steps_per_round, self.seed, rank, processes)
+        return DataLoader(clouds, sampler=sampler, batch_size=None, collate_fn=as_it_is)
 
     def val_dataloader(self) -> DataLoader:
         return self._loader("val")

@@ -169,8 +169,8 @@ def _made(name: str, arguments: str) -> Detector:
 def method_of(config: DictConfig) -> "SymmetryMethod":
     """The method that `config.method` describes."""
     arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
-    method = instantiate(arguments, _convert_="all")
-    method.hparams.update(OmegaConf.to_container(config.method, resolve=True))
+    method = instantiate(arguments, _convert_="object")  # settings become the dataclasses they are, lists plain
+    method.hparams.update(OmegaConf.to_container(config.method, resolve=True, enum_to_str=True))
     return method
 
 

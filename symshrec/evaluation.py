@@ -16,6 +16,7 @@ from symshrec.benchmark.storage import write_atomically
 from symshrec.datamodule import SymmetryDataModule
 from symshrec.detection import method_of
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.learned import LearnedMethod
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
 from symshrec.predictions import PredictionFileError, PredictionStore
@@ -24,7 +25,7 @@ from symshrec.reporting.tensorboard import TensorBoardResults
 
 log = logging.getLogger(__name__)
 TIMES = "seconds.txt"  # beside the predictions: clouds and seconds of every batch
-NO_INFLUENCE = ("name", "workers")  # of a method's configuration, on what it predicts
+NO_INFLUENCE = ("name", "workers", "weights")  # of a method's configuration, on what it predicts
 
 
 def datamodule_of(config: DictConfig) -> SymmetryDataModule:
@@ -38,6 +39,9 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
         sampling=data.sampling.kind,
         points=data.sampling.points,
         seed=config.seed,
+        train_batch_size=config.train.batch_size,
+        steps_per_round=config.train.steps_per_round,
+        validation_clouds=data.validation_clouds,
     )
 
 
@@ -74,7 +78,7 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
     Refinement counts only where it is on, so that without it a run's predictions outlive changes of its code. What all
     methods share to run at all (`FRAME`) does not count.
     """
-    settings = OmegaConf.to_container(config.method, resolve=True)
+    settings = OmegaConf.to_container(config.method, resolve=True, enum_to_str=True)
     code = source_files(type(method).__module__)
     if settings["refine"]:
         code |= source_files("symshrec.methods.refine")
@@ -82,6 +86,7 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
         del settings["refine"]
     facts = {
         "method": {name: value for name, value in settings.items() if name not in NO_INFLUENCE},
+        **({"weights": [each["sha256"] for each in record]} if (record := weights_record(method)) else {}),
         "code": [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(code)],
         "data": data.split(data.test_split).fingerprint,
         "positions": hashlib.sha256(data.positions(data.test_split).tobytes()).hexdigest(),
@@ -89,6 +94,11 @@ def prediction_key(config: DictConfig, data: SymmetryDataModule, method: Symmetr
         "seed": config.seed,
     }
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+
+
+def weights_record(method: SymmetryMethod) -> list[dict[str, str]] | None:
+    """Names and hashes of a method's weights; None for one that has none."""
+    return method.weights_record if isinstance(method, LearnedMethod) else None
 
 
 class StorePredictions(Callback):
@@ -180,7 +190,7 @@ def _record(config, folder: Path, data, method, store: PredictionStore, keeper: 
             "manifest_sha256": split.fingerprint,
         },
         "seed": config.seed,
-        "weights": None,
+        "weights": weights_record(method),
         "hardware": hardware(),
         "seconds": keeper.total(),
         "peak_memory_mib": peak_memory_mib(),

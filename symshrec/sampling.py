@@ -14,7 +14,7 @@ from symshrec.geometry import farthest_point_sampling
 from symshrec.loading import SamplingKind
 
 CHUNK = 256
-BATCH = 16
+BATCH = 16  # clouds at once on the CPU; a GPU takes a chunk
 
 
 def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Path, key: str, progress: bool = True):
@@ -61,13 +61,15 @@ def _read_chunk(path: Path, digest: str) -> np.ndarray | None:
 
 
 def _draw(clouds, positions: range, kind: SamplingKind, count: int, seed: int) -> np.ndarray:
-    drawn = []
-    for start in range(positions.start, positions.stop, BATCH):
-        batch = range(start, min(start + BATCH, positions.stop))
+    drawn, device = [], "cuda" if torch.cuda.is_available() else "cpu"
+    size = CHUNK if device == "cuda" else BATCH
+    for start in range(positions.start, positions.stop, size):
+        batch = range(start, min(start + size, positions.stop))
         points = [np.asarray(clouds[position].points, dtype=np.float32) for position in batch]
         if kind is SamplingKind.farthest:
             lengths = torch.tensor([len(each) for each in points])
-            drawn.append(farthest_point_sampling(torch.from_numpy(np.concatenate(points)), lengths, count).numpy())
+            together = torch.from_numpy(np.concatenate(points)).to(device)
+            drawn.append(farthest_point_sampling(together, lengths.to(device), count).cpu().numpy())
         else:
             chosen = [_random(len(each), count, (seed, at)) for each, at in zip(points, batch, strict=True)]
             drawn.append(np.stack(chosen))

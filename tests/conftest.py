@@ -28,11 +28,18 @@ def smoke_root(tmp_path_factory):
 
 
 @pytest.fixture
+def small_benchmark():
+    """Overrides that describe the smoke benchmark with small clouds, for a command line."""
+    return SMALL
+
+
+@pytest.fixture
 def smoke_config(smoke_root, tmp_path):
     """overrides → configuration of a run over the smoke benchmark, in a folder of its own."""
 
     def compose(*overrides: str):
         places = [f"data.root={smoke_root}", f"folder={tmp_path / 'run'}", "trainer.enable_progress_bar=false"]
-        return load([*SMALL, *places, "method.neighbours=20", *overrides])
+        quick = [] if any(each.startswith("method=") for each in overrides) else ["method.neighbours=20"]
+        return load([*SMALL, *places, *quick, *overrides])
 
     return compose

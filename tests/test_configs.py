@@ -16,10 +16,16 @@ from symshrec.methods.truth import Truth
 
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
-RUNS = {"m4": ("m4", "sharp", "fast"), "truth": ("truth", "near", "exact")}  # of which method; the others are m3's
+RUNS = {
+    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5"),
+    "m4": ("m4", "sharp", "fast"),
+    "truth": ("truth", "near", "exact"),
+}  # of which method; the others are m3's
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
 NEEDS["data/official"] = ["data.root=somewhere"]
-ROWS = ("m3_r1", "m3_r2", "m4", "m4_fast", "m3_r1_refine", "m3_r2_refine", "oracle")
+M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
+ROWS = (*M1_ROWS, "m3_r1", "m3_r2", "m1_r5", "m4", "m4_fast")
+ROWS = (*ROWS, *(f"{row}_refine" for row in (*M1_ROWS, "m3_r1", "m3_r2", "m1_r5")), "oracle")
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)

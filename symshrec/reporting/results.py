@@ -101,9 +101,15 @@ def check_comparable(results: Sequence[dict]) -> None:
 
 
 def provenance(results: Sequence[dict]) -> str:
-    """One line on where the numbers come from: data, clouds, manifest and code."""
+    """One line on where the numbers come from: data, clouds, manifest, code and trained weights."""
     versions = dict.fromkeys(f"{each['code']['version']} at {_short(each['code'].get('commit'))}" for each in results)
-    return f"Data: {_describe(results[0])}. Code: symshrec {', '.join(versions)}."
+    weights = dict.fromkeys(
+        f"{Path(used['name']).stem} ({_short(used['sha256'])}: {used['about']})"
+        for each in results
+        for used in each.get("weights") or ()
+    )
+    trained = f" Weights: {'; '.join(weights)}." if weights else ""
+    return f"Data: {_describe(results[0])}. Code: symshrec {', '.join(versions)}.{trained}"
 
 
 def _describe(result: dict) -> str:

@@ -64,6 +64,41 @@ class TensorBoardResults(Callback):
                 logger.experiment.flush()
 
 
+class TensorBoardTraining(Callback):
+    """Logs, at every validation, the same few clouds with their true and predicted planes; hyperparameters at the end.
+
+    Args:
+        clouds: how many to show; 0 shows none.
+
+    Raises:
+        ValueError: for a negative number of clouds.
+    """
+
+    def __init__(self, clouds: int = 4):
+        if clouds < 0:
+            raise ValueError(f"train.clouds_shown is {clouds}; give 0 or more")
+        self.clouds = clouds
+
+    def on_validation_batch_end(
+        self, trainer: Trainer, pl_module: SymmetryMethod, outputs: list[Planes], batch: Batch, batch_idx: int, *_
+    ) -> None:
+        if batch_idx or not trainer.is_global_zero or not isinstance(trainer.logger, TensorBoardLogger):
+            return
+        for row, (points, found) in enumerate(zip(batch.clouds[: self.clouds], outputs, strict=False)):
+            figure = Figure(figsize=(5, 5), layout="constrained")
+            true = Planes.empty() if batch.truth[row] is None else batch.truth[row]
+            counted = found[found.confidences >= pl_module.count_threshold]
+            title = f"{batch.names[row]}, {len(true)} true, {len(counted)} predicted"
+            draw_cloud(figure.subplots(), points.cpu().numpy(), true, counted, title=title)
+            trainer.logger.experiment.add_figure(f"clouds/{batch.names[row]}", figure, trainer.global_step)
+
+    def on_train_end(self, trainer: Trainer, pl_module: SymmetryMethod) -> None:
+        if trainer.is_global_zero and isinstance(trainer.logger, TensorBoardLogger):
+            scores = {name: float(value) for name, value in trainer.callback_metrics.items() if name.startswith("val/")}
+            trainer.logger.log_hyperparams({"method": type(pl_module).__name__, **pl_module.hparams}, scores)
+            trainer.logger.experiment.flush()
+
+
 def _log_scores(logger: TensorBoardLogger, method: SymmetryMethod, scores: Scores, labels: list) -> None:
     theta = int(np.abs(scores.thetas_deg - THETA_DEG).argmin())
     epsilon = int(np.abs(scores.epsilons - EPSILON).argmin())

@@ -1,0 +1,196 @@
+"""What M1 and M2 share: a network on sampled points, its training and its weights."""
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from enum import Enum
+
+import torch
+from torch import Tensor, nn
+
+from symshrec.batch import Batch, SampledBatch
+from symshrec.geometry import farthest_point_sampling
+from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.optimiser import OptimiserSettings
+from symshrec.methods.weights import load_into, read_weights
+from symshrec.metrics.torchmetric import SymmetryMetric
+from symshrec.planes import Planes
+
+SMALLEST = 1e-12  # radius that a cloud is divided by at least
+
+
+@dataclass(frozen=True, eq=False)
+class UnitSphere:
+    """Where B clouds lie (§3.1, step 1): centres (B, 1, 3) and radii (B, 1, 1) of their points about their mean."""
+
+    centres: Tensor
+    radii: Tensor
+
+    @classmethod
+    def of(cls, points: Tensor) -> "UnitSphere":
+        """Measure clouds (B, N, 3)."""
+        centres = points.mean(1, keepdim=True)
+        radii = (points - centres).norm(dim=-1).amax(1)[:, None, None]
+        return cls(centres, radii.clamp_min(SMALLEST))
+
+    def apply(self, points: Tensor) -> Tensor:
+        """(B, N, 3), or one point each (B, 3), on the unit sphere."""
+        if points.ndim == 2:
+            return self.apply(points[:, None])[:, 0]
+        return (points - self.centres) / self.radii
+
+    def restored(self, planes: Sequence[Planes]) -> list[Planes]:
+        """Planes of every cloud of the sphere in the clouds' own coordinates."""
+        frames = zip(self.radii.flatten().tolist(), self.centres[:, 0].double().cpu().numpy(), strict=True)
+        return [each.transformed(scale=r, translation=c) for each, (r, c) in zip(planes, frames, strict=True)]
+
+
+class LearnedMethod(SymmetryMethod):
+    """A method with a network over N sampled points of a cloud.
+
+    A method implements `network_of`, `losses` and `detect_sampled`, and calls `build` at the end of its constructor.
+
+    Args:
+        weights: names of shipped weights or .safetensors files. Several are trainings of the same network on different
+            folds, and answer together. None leaves a network that must be trained first.
+        count_threshold, workers, refine: see `SymmetryMethod`.
+    """
+
+    name: str  # of the method, in weights files
+
+    def __init__(self, weights: Sequence[str], count_threshold: float, workers: int, refine: bool):
+        super().__init__(count_threshold, workers, refine)
+        self.weights = [read_weights(name, self.name) for name in weights]
+        self.optimiser, self.steps, self.seed, self.rotate = OptimiserSettings(), 1, 0, False
+        self.val_metric: SymmetryMetric | None = None
+
+    @staticmethod
+    @abstractmethod
+    def network_of(settings) -> nn.Module:
+        """The network that these settings describe."""
+
+    @abstractmethod
+    def losses(self, batch: SampledBatch) -> dict[str, Tensor]:
+        """The terms of the loss by name, the one to descend under `loss`."""
+
+    @abstractmethod
+    def detect_sampled(self, points: Tensor) -> list[Planes]:
+        """The planes of clouds (B, N, 3) in the clouds' own coordinates."""
+
+    def build(self, settings) -> nn.ModuleList:
+        """A network by these settings, or those that the weights bring with them."""
+        kinds = {str(each.network): each.network for each in self.weights}
+        if len(kinds) > 1:
+            raise ValueError(f"weights of different networks cannot answer together: {'; '.join(kinds)}")
+        for network in kinds.values():
+            settings = restored_settings(type(settings), network)
+        self.network_settings = settings
+        networks = nn.ModuleList(self.network_of(settings) for _ in self.weights or [None])
+        for network, weights in zip(networks, self.weights, strict=False):
+            load_into(network, weights)
+        return networks
+
+    @property
+    def points(self) -> int:
+        """N, the points that the network sees."""
+        return self.network_settings.points
+
+    @property
+    def weights_record(self) -> list[dict[str, str]] | None:
+        """What metrics.json says of the weights."""
+        return [{"name": each.name, "sha256": each.sha256, "about": each.about} for each in self.weights] or None
+
+    def detect(self, points: Tensor) -> Planes:
+        """The planes of one cloud (N, 3).
+
+        Raises:
+            ValueError: for a wrong shape, values that are not finite, or a network without weights.
+        """
+        if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+            raise ValueError(f"points have shape {tuple(points.shape)}, expected (N ≥ 1, 3)")
+        if not points.isfinite().all():
+            raise ValueError("points hold values that are not finite; remove them")
+        return self._detect_all(points.float(), torch.tensor([len(points)], device=points.device))[0]
+
+    def detect_batch(self, batch: Batch) -> list[Planes]:
+        """The planes of every cloud, in order; drawn samples are used where there are as many as the network sees."""
+        if batch.samples is not None and batch.samples.shape[1] == self.points:
+            self._require_weights()
+            with torch.no_grad():
+                return self.detect_sampled(batch.sampled)
+        return self._detect_all(batch.points, batch.lengths)
+
+    def _detect_all(self, points: Tensor, lengths: Tensor) -> list[Planes]:
+        self._require_weights()
+        chosen = farthest_point_sampling(points, lengths, self.points)
+        starts = lengths.cumsum(0) - lengths
+        with torch.no_grad():
+            return self.detect_sampled(points[starts[:, None] + chosen])
+
+    def _require_weights(self) -> None:
+        if not self.weights:
+            raise ValueError(f"{self.name} has no weights; name some with method.weights, or train it first")
+
+    def learn_by(self, optimiser: OptimiserSettings, steps: int, seed: int, rotate: bool) -> None:
+        """Say how the coming training goes: its optimiser, number of steps, seed, and whether clouds are turned."""
+        self.optimiser, self.steps, self.seed, self.rotate = optimiser, steps, seed, rotate
+
+    def configure_optimizers(self) -> dict:
+        decayed = [each for each in self.parameters() if each.ndim > 1]
+        others = [each for each in self.parameters() if each.ndim <= 1]
+        groups = [{"params": decayed, "weight_decay": self.optimiser.weight_decay}, {"params": others}]
+        adamw = torch.optim.AdamW(groups, self.optimiser.learning_rate, weight_decay=0.0, fused=True)
+        schedule = torch.optim.lr_scheduler.LambdaLR(adamw, lambda step: self.optimiser.factor(step, self.steps))
+        return {"optimizer": adamw, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
+
+    def training_step(self, batch: SampledBatch, batch_idx: int) -> Tensor:
+        """Chance depends on the step and the process alone, so that a resumed run draws what it would have drawn."""
+        torch.manual_seed(hash((self.seed, self.global_step, self.global_rank)) % 2**31)
+        losses = self.losses(batch.turned() if self.rotate else batch)
+        if not losses["loss"].isfinite():
+            terms = ", ".join(f"{name} {value.item():.4g}" for name, value in losses.items())
+            raise FloatingPointError(
+                f"the loss of step {self.global_step} is not finite ({terms}); lower train.optimiser.learning_rate, or "
+                "take trainer.precision=32-true; the last checkpoint is from before this round"
+            )
+        self.log_dict({f"train/{name}": value.detach() for name, value in losses.items()}, batch_size=len(batch))
+        return losses["loss"]
+
+    def on_before_optimizer_step(self, optimizer: torch.optim.Optimizer) -> None:
+        """Clip the gradient here, since Lightning refuses to for fused optimizers."""
+        norm = nn.utils.clip_grad_norm_(self.parameters(), self.optimiser.clip)
+        self.log("train/gradient_norm", norm)
+
+    def on_validation_epoch_start(self) -> None:
+        self.val_metric = SymmetryMetric(count_threshold=self.count_threshold, curves=False)
+
+    def validation_step(self, batch: Batch, batch_idx: int) -> list[Planes]:
+        """Loss and scores of a batch; returns its planes, for callbacks to show."""
+        losses = self.losses(SampledBatch.of(batch.sampled, batch.truth))
+        self.log_dict({f"val/{name}": value for name, value in losses.items()}, batch_size=len(batch), sync_dist=True)
+        planes = self.detect_sampled(batch.sampled)
+        if all(truth is not None for truth in batch.truth):
+            self.val_metric.update(planes, batch.truth, batch.diagonals, batch.labels, batch.positions)
+        return planes
+
+    def on_validation_epoch_end(self) -> None:
+        if self.val_metric.clouds:
+            means = self.val_metric.compute()
+            self.log_dict({f"val/{name}": float(value) for name, value in means.items()}, rank_zero_only=False)
+
+
+def plain_settings(settings) -> dict:
+    """Settings as what JSON holds: enums by name."""
+    return {key: value.name if isinstance(value, Enum) else value for key, value in asdict(settings).items()}
+
+
+def restored_settings(kind: type, plain: dict):
+    """Settings of a kind from what `plain_settings` gave."""
+    fields = kind.__dataclass_fields__
+    enums = {name: field.type for name, field in fields.items() if isinstance(field.type, type)}
+    return kind(
+        **{
+            key: enums[key][value] if issubclass(enums.get(key, object), Enum) else value
+            for key, value in plain.items()
+        }
+    )

@@ -1,0 +1,123 @@
+"""Training at tiny size: killed and resumed to the same weights, heard of when it goes wrong, then tested."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from symshrec.evaluation import evaluate
+from symshrec.methods.weights import read_weights
+from symshrec.training import train
+
+ROOT = Path(__file__).parents[1]
+TINY = [
+    "method=m1",
+    "run=r5",
+    "method.network.points=32",
+    "method.network.channels=16",
+    "method.network.layers=1",
+    "method.network.features=16",
+    "method.network.hidden=[16,16]",
+    "method.loss.head_points=8",
+    "train.batch_size=8",
+    "train.steps_per_round=3",
+    "train.epochs=3",
+    "train.optimiser.learning_rate=1e-2",
+    "train.validate_every=2",
+    "train.clouds_shown=1",
+    "trainer.enable_progress_bar=false",
+]
+
+
+@pytest.fixture
+def tiny(smoke_config, tmp_path):
+    def compose(name, *overrides):
+        return smoke_config(*TINY, f"train.folder={tmp_path / name}", *overrides)
+
+    return compose
+
+
+def weights_of(config):
+    return read_weights(f"{config.train.folder}/weights.safetensors", "m1").tensors
+
+
+def assert_equal_weights(one, other):
+    for name, tensor in weights_of(one).items():
+        torch.testing.assert_close(weights_of(other)[name], tensor, rtol=0, atol=0)
+
+
+def test_stopped_after_every_round_a_training_ends_with_the_same_weights(tiny):
+    whole, pieces = tiny("whole"), tiny("pieces", "train.max_minutes=0.00001")
+    result = train(whole)
+    stops = 0
+    while (finished := train(pieces)) is None:
+        stops += 1
+    assert stops >= 3
+    assert_equal_weights(whole, pieces)
+    assert finished["clouds"] == result["clouds"] == result["steps"] * 8
+    assert finished["validation"] == result["validation"]
+
+
+def test_killed_at_any_moment_a_training_ends_with_the_same_weights(tiny, smoke_root, small_benchmark):
+    whole, killed = tiny("whole", "train.epochs=12"), tiny("killed", "train.epochs=12")
+    train(whole)
+    folder = Path(killed.train.folder)
+    overrides = [*small_benchmark, f"data.root={smoke_root}", *TINY, "train.epochs=12", f"train.folder={folder}"]
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    process = subprocess.Popen([sys.executable, "experiments/train.py", *overrides], cwd=ROOT, env=environment)
+    try:
+        deadline = time.monotonic() + 120
+        while not (folder / "last.ckpt").exists():
+            assert process.poll() is None, "ended before its first checkpoint"
+            assert time.monotonic() < deadline, "no checkpoint in two minutes"
+            time.sleep(0.01)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert not (folder / "training.json").exists()
+    train(killed)
+    assert_equal_weights(whole, killed)
+
+
+def test_a_training_by_other_settings_is_not_touched(tiny):
+    train(tiny("folder"))
+    before = Path(tiny("folder").train.folder, "weights.safetensors").read_bytes()
+    assert train(tiny("folder", "train.validate_every=1"))["name"] == "M1 (R5)"
+    with pytest.raises(ValueError, match=r"other settings \(train\.optimiser\.clip\); name another train\.folder"):
+        train(tiny("folder", "train.optimiser.clip=2"))
+    assert Path(tiny("folder").train.folder, "weights.safetensors").read_bytes() == before
+
+
+def test_a_loss_that_is_not_finite_ends_the_training_at_once(tiny, monkeypatch):
+    broken = {"loss": torch.tensor(torch.nan, requires_grad=True), "vector": torch.tensor(2.0)}
+    monkeypatch.setattr("symshrec.methods.m1.module.M1.losses", lambda *_: broken)
+    with pytest.raises(
+        FloatingPointError, match=r"step 0 is not finite \(loss nan, vector 2\); lower train\.optimiser"
+    ):
+        train(tiny("folder"))
+
+
+def test_a_method_without_a_network_is_refused(smoke_config, tmp_path):
+    with pytest.raises(ValueError, match="method=m3 has nothing to train"):
+        train(smoke_config(f"train.folder={tmp_path / 'm3'}"))
+
+
+def test_what_was_trained_is_tested_and_recorded(tiny, smoke_config):
+    config = tiny("folder", "train.epochs=40", "train.rotate=true")
+    record = train(config)
+    folder = Path(config.train.folder)
+    assert json.loads((folder / "training.json").read_text()) == record
+    assert 0 <= record["share_waiting_for_data"] < 0.5
+    assert any((folder / "tensorboard").glob("events.out.tfevents.*"))
+    result = evaluate(smoke_config(*TINY, f"method.weights=[{folder / 'weights.safetensors'}]", "data.limit=4"))
+    (used,) = result["weights"]
+    assert used["sha256"] == record["weights_sha256"]
+    assert used["about"].startswith("32 points, 40")
+    other = evaluate(smoke_config(*TINY, f"method.weights=[{folder / 'weights.safetensors'}]", "data.limit=5"))
+    assert other["key"] != result["key"]
