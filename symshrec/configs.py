@@ -21,7 +21,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.loading import DataKind, SamplingKind
-from symshrec.methods.m1.settings import DecodeSettings, LossSettings, NetworkSettings
+from symshrec.methods.m1 import settings as m1
+from symshrec.methods.m2 import settings as m2
 from symshrec.methods.optimiser import OptimiserSettings
 
 
@@ -90,9 +91,22 @@ class M1Config(LearnedConfig):
 
     _target_: str = "symshrec.methods.m1.module.M1"
     name: str = "m1"
-    network: NetworkSettings = field(default_factory=NetworkSettings)
-    loss: LossSettings = field(default_factory=LossSettings)
-    decode: DecodeSettings = field(default_factory=DecodeSettings)
+    network: m1.NetworkSettings = field(default_factory=m1.NetworkSettings)
+    loss: m1.LossSettings = field(default_factory=m1.LossSettings)
+    decode: m1.DecodeSettings = field(default_factory=m1.DecodeSettings)
+
+
+@dataclass
+class M2Config(LearnedConfig):
+    """§3.2; see symshrec.methods.m2.settings. run=pretrain trains what another class makes of the same."""
+
+    _target_: str = "symshrec.methods.m2.module.M2"
+    name: str = "m2"
+    network: m2.NetworkSettings = field(default_factory=m2.NetworkSettings)
+    loss: m2.LossSettings = field(default_factory=m2.LossSettings)
+    cleaning: m2.CleaningSettings = field(default_factory=m2.CleaningSettings)
+    confidence: m2.Confidence = m2.Confidence.none
+    pretrain: m2.PretrainSettings = field(default_factory=m2.PretrainSettings)
 
 
 @dataclass
@@ -220,7 +234,7 @@ class Config:
     tables: list[str] = field(default_factory=list)
 
 
-METHODS = {"m1": M1Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}
+METHODS = {"m1": M1Config, "m2": M2Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}
 
 
 def conf_folder() -> Path:

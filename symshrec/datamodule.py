@@ -15,6 +15,7 @@ from symshrec.benchmark.cloud import FAMILIES, SOLIDS, LabelledCloud
 from symshrec.benchmark.official import OfficialFolder
 from symshrec.benchmark.perturbations import PERTURBATIONS
 from symshrec.benchmark.shards import ShardedSplit
+from symshrec.clouds.folder import CloudFolder
 from symshrec.loading import DataKind, SamplingKind
 from symshrec.rounds import RoundSampler
 from symshrec.sampling import cached_samples
@@ -140,10 +141,20 @@ class SymmetryDataModule(LightningDataModule):
         self._splits: dict[str, tuple] = {}
 
     def split(self, name: str):
-        """The whole split `name`, opened once: ShardedSplit or OfficialFolder."""
+        """The whole split `name`, opened once: ShardedSplit, OfficialFolder, or CloudFolder for training alone.
+
+        Raises:
+            ValueError: for a test on clouds without truth; and what those classes raise.
+        """
         if name not in self._splits:
             if self.kind is DataKind.shards:
                 self._splits[name] = ShardedSplit(self.root, name, verify=self.verify)
+            elif self.kind is DataKind.clouds:
+                if name != "train":
+                    raise ValueError(
+                        f"data.kind=clouds has no split {name!r} with truth; it is there to train on alone"
+                    )
+                self._splits[name] = CloudFolder(self.root)
             else:
                 self._splits[name] = OfficialFolder(self.root, subset=self.subset, split=name)
         return self._splits[name]
@@ -172,7 +183,7 @@ class SymmetryDataModule(LightningDataModule):
     def prepare_data(self) -> None:
         """Draw missing samples of the split the trainer is about to use, in one process."""
         if self.trainer is not None and self.sampling is not SamplingKind.none:
-            self.samples("train" if self.trainer.state.fn == "fit" else self.test_split)
+            self.samples("train" if self.trainer.state.fn in ("fit", "validate") else self.test_split)
 
     def setup(self, stage: str | None = None) -> None:
         """Open, filter and fold the split that the stage needs."""

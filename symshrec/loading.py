@@ -4,10 +4,11 @@ from enum import Enum
 
 
 class DataKind(Enum):
-    """What lies under data.root: our shards, or the text files of the track or its successor."""
+    """What lies under data.root: our shards, the text files of the track or its successor, or clouds without truth."""
 
     shards = "shards"
     official = "official"
+    clouds = "clouds"
 
 
 class SamplingKind(Enum):

@@ -21,7 +21,7 @@ from symshrec.evaluation import datamodule_of
 from symshrec.loading import SamplingKind
 from symshrec.methods.learned import LearnedMethod, plain_settings
 from symshrec.methods.optimiser import OptimiserSettings
-from symshrec.methods.weights import load_into, read_weights, write_weights
+from symshrec.methods.weights import write_weights
 from symshrec.provenance import code_version, hardware, peak_memory_mib
 from symshrec.reporting.tensorboard import TensorBoardTraining
 
@@ -36,6 +36,8 @@ NO_INFLUENCE = (  # beginnings of keys
     "data.validation_clouds",
     "data.verify",
     "data.workers",
+    "method.cleaning",
+    "method.confidence",
     "method.count_threshold",
     "method.decode",
     "method.refine",
@@ -125,7 +127,7 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
     optimiser = OptimiserSettings(**OmegaConf.to_container(settings.optimiser, resolve=True))
     method.learn_by(optimiser, rounds * settings.steps_per_round, config.seed, settings.rotate)
     if settings.init:
-        load_into(method.networks[0], read_weights(settings.init, method.name))
+        method.start_from(settings.init)
     if settings.compile:
         method.networks[0].compile()
     return rounds

@@ -8,15 +8,21 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
+from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
+from symshrec.clouds import CloudFileError
 from symshrec.evaluation import evaluate
-from symshrec.methods.weights import read_weights
+from symshrec.methods.learned import restored_settings
+from symshrec.methods.m2.module import M2
+from symshrec.methods.m2.settings import NetworkSettings
+from symshrec.methods.weights import WeightsError, read_weights
 from symshrec.training import train
 
 ROOT = Path(__file__).parents[1]
-TINY = [
+TINY_M1 = [
     "method=m1",
     "run=r5",
     "method.network.points=32",
@@ -25,6 +31,21 @@ TINY = [
     "method.network.features=16",
     "method.network.hidden=[16,16]",
     "method.loss.head_points=8",
+]
+TINY_M2 = [  # with the dropout and drop path of the published size
+    "method=m2",
+    "method.network.points=32",
+    "method.network.groups=8",
+    "method.network.neighbours=6",
+    "method.network.width=12",
+    "method.network.depth=2",
+    "method.network.heads=2",
+    "method.network.planes=6",
+    "method.network.hidden=8",
+    "method.loss.queries=8",
+    "method.pretrain.decoder_depth=1",
+]
+TRAINING = [
     "train.batch_size=8",
     "train.steps_per_round=3",
     "train.epochs=3",
@@ -33,18 +54,20 @@ TINY = [
     "train.clouds_shown=1",
     "trainer.enable_progress_bar=false",
 ]
+TINY = [*TINY_M1, *TRAINING]
+TRAININGS = {"m1": TINY, "m2": [*TINY_M2, *TRAINING], "m2_pretrain": [*TINY_M2, "run=pretrain", *TRAINING]}
 
 
 @pytest.fixture
 def tiny(smoke_config, tmp_path):
-    def compose(name, *overrides):
-        return smoke_config(*TINY, f"train.folder={tmp_path / name}", *overrides)
+    def compose(name, *overrides, method="m1"):
+        return smoke_config(*TRAININGS[method], f"train.folder={tmp_path / name}", *overrides)
 
     return compose
 
 
 def weights_of(config):
-    return read_weights(f"{config.train.folder}/weights.safetensors", "m1").tensors
+    return read_weights(f"{config.train.folder}/weights.safetensors", *TRAININGS).tensors
 
 
 def assert_equal_weights(one, other):
@@ -52,8 +75,9 @@ def assert_equal_weights(one, other):
         torch.testing.assert_close(weights_of(other)[name], tensor, rtol=0, atol=0)
 
 
-def test_stopped_after_every_round_a_training_ends_with_the_same_weights(tiny):
-    whole, pieces = tiny("whole"), tiny("pieces", "train.max_minutes=0.00001")
+@pytest.mark.parametrize("method", TRAININGS)
+def test_stopped_after_every_round_a_training_ends_with_the_same_weights(tiny, method):
+    whole, pieces = tiny("whole", method=method), tiny("pieces", "train.max_minutes=0.00001", method=method)
     result = train(whole)
     stops = 0
     while (finished := train(pieces)) is None:
@@ -62,6 +86,7 @@ def test_stopped_after_every_round_a_training_ends_with_the_same_weights(tiny):
     assert_equal_weights(whole, pieces)
     assert finished["clouds"] == result["clouds"] == result["steps"] * 8
     assert finished["validation"] == result["validation"]
+    assert ("val/mAP" in result["validation"]) == (method != "m2_pretrain")
 
 
 def test_killed_at_any_moment_a_training_ends_with_the_same_weights(tiny, smoke_root, small_benchmark):
@@ -83,6 +108,47 @@ def test_killed_at_any_moment_a_training_ends_with_the_same_weights(tiny, smoke_
     assert not (folder / "training.json").exists()
     train(killed)
     assert_equal_weights(whole, killed)
+
+
+def test_m2_starts_from_the_encoder_of_a_pre_training_and_ends_as_a_detector(tiny, smoke_config):
+    before = tiny("before", method="m2_pretrain")
+    train(before)
+    file = f"{before.train.folder}/weights.safetensors"
+    after = tiny("after", f"train.init={file}", "method.confidence=loss", method="m2")
+    method = M2(restored_settings(NetworkSettings, read_weights(file, "m2_pretrain").network))
+    method.start_from(file)
+    started = method.networks[0].encoder.state_dict()
+    for name, tensor in weights_of(before).items():
+        if name.startswith("encoder."):
+            torch.testing.assert_close(started[name.removeprefix("encoder.")], tensor, rtol=0, atol=0)
+    record = train(after)
+    assert record["method"] == "m2"
+    assert record["validation"]["val/planes"] >= 1
+    weights = f"method.weights=[{after.train.folder}/weights.safetensors]"
+    assert evaluate(smoke_config(*TRAININGS["m2"], weights, "data.limit=4"))["weights"]
+    with pytest.raises(WeightsError, match="holds weights of m2_pretrain, not of m2"):
+        M2(weights=[file])
+    with pytest.raises(WeightsError, match="do not fit"):
+        train(tiny("wider", f"train.init={file}", "method.network.width=24", method="m2"))
+
+
+def test_m2_learns_from_any_folder_of_clouds_and_meshes(tiny, tmp_path):
+    clouds, rng = tmp_path / "clouds", np.random.default_rng(0)
+    (clouds / "below").mkdir(parents=True)
+    for number in range(19):
+        np.save(clouds / "below" / f"{number}.npy", rng.normal(size=(60, 3)))
+    (clouds / "mesh.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
+    data = ["data=clouds", f"data.root={clouds}"]
+    config = tiny("pretrain", *data, method="m2_pretrain")
+    assert list(train(config)["validation"]) == ["val/loss"]
+    events = EventAccumulator(f"{config.train.folder}/tensorboard").Reload()
+    assert [tag.partition("/")[0] for tag in events.Tags()["images"]] == ["clouds"]
+    assert train(tiny("m2", *data, method="m2"))["validation"]["val/symmetry"] > 0
+    with pytest.raises(ValueError, match=r"data\.kind=clouds has no split 'test' with truth"):
+        evaluate(tiny("m2", *data, "method.weights=[]", method="m2"))
+    (clouds / "broken.xyz").write_text("1 2 three\n")
+    with pytest.raises(CloudFileError, match=r"broken\.xyz:1: .*three"):
+        train(tiny("broken", *data, method="m2_pretrain"))
 
 
 def test_a_training_by_other_settings_is_not_touched(tiny):

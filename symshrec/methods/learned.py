@@ -64,9 +64,8 @@ class LearnedMethod(SymmetryMethod):
         self.optimiser, self.steps, self.seed, self.rotate = OptimiserSettings(), 1, 0, False
         self.val_metric: SymmetryMetric | None = None
 
-    @staticmethod
     @abstractmethod
-    def network_of(settings) -> nn.Module:
+    def network_of(self, settings) -> nn.Module:
         """The network that these settings describe."""
 
     @abstractmethod
@@ -89,6 +88,14 @@ class LearnedMethod(SymmetryMethod):
         for network, weights in zip(networks, self.weights, strict=False):
             load_into(network, weights)
         return networks
+
+    def start_from(self, name: str) -> None:
+        """Take over shipped weights, or those in a file, before training.
+
+        Raises:
+            WeightsError: for weights that are not there or do not fit.
+        """
+        load_into(self.networks[0], read_weights(name, self.name))
 
     @property
     def points(self) -> int:
@@ -136,8 +143,8 @@ class LearnedMethod(SymmetryMethod):
         self.optimiser, self.steps, self.seed, self.rotate = optimiser, steps, seed, rotate
 
     def configure_optimizers(self) -> dict:
-        decayed = [each for each in self.parameters() if each.ndim > 1]
-        others = [each for each in self.parameters() if each.ndim <= 1]
+        named = [(each, each.ndim > 1 and not name.endswith("bias")) for name, each in self.named_parameters()]
+        decayed, others = ([each for each, decays in named if decays is wanted] for wanted in (True, False))
         groups = [{"params": decayed, "weight_decay": self.optimiser.weight_decay}, {"params": others}]
         adamw = torch.optim.AdamW(groups, self.optimiser.learning_rate, weight_decay=0.0, fused=True)
         schedule = torch.optim.lr_scheduler.LambdaLR(adamw, lambda step: self.optimiser.factor(step, self.steps))
@@ -169,6 +176,7 @@ class LearnedMethod(SymmetryMethod):
         losses = self.losses(SampledBatch.of(batch.sampled, batch.truth))
         self.log_dict({f"val/{name}": value for name, value in losses.items()}, batch_size=len(batch), sync_dist=True)
         planes = self.detect_sampled(batch.sampled)
+        self.log("val/planes", sum(map(len, planes)) / len(planes), batch_size=len(batch), sync_dist=True)
         if all(truth is not None for truth in batch.truth):
             self.val_metric.update(planes, batch.truth, batch.diagonals, batch.labels, batch.positions)
         return planes

@@ -48,16 +48,18 @@ def shipped(method: str = "") -> list[str]:
     return sorted(path.stem for path in _folder().glob(f"{method}*.safetensors"))
 
 
-def read_weights(name: str, method: str) -> Weights:
-    """The shipped weights of this name, or those in the file at this path.
+def read_weights(name: str, *methods: str) -> Weights:
+    """The shipped weights of this name, or those in the file at this path, of one of these methods.
 
     Raises:
         WeightsError: naming the file and what can be done.
     """
     path = Path(name) if name.endswith(".safetensors") else _folder() / f"{name}.safetensors"
     if not path.is_file():
-        there = ", ".join(shipped(method)) or "none"
-        raise WeightsError(f"there are no weights {name!r}; shipped for {method}: {there}; or give a .safetensors file")
+        there = ", ".join(shipped(methods[0])) or "none"
+        raise WeightsError(
+            f"there are no weights {name!r}; shipped for {methods[0]}: {there}; or give a .safetensors file"
+        )
     try:
         with safe_open(path, framework="pt") as file:
             about = file.metadata() or {}
@@ -66,11 +68,11 @@ def read_weights(name: str, method: str) -> Weights:
         raise WeightsError(f"{path} is not a readable safetensors file ({error})") from error
     if about.get("format") != FORMAT:
         raise WeightsError(f"{path} was not written by experiments/train.py; its metadata lack format {FORMAT!r}")
-    if about["method"] != method:
-        raise WeightsError(f"{path} holds weights of {about['method']}, not of {method}")
+    if about["method"] not in methods:
+        raise WeightsError(f"{path} holds weights of {about['method']}, not of {' or '.join(dict.fromkeys(methods))}")
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     tensors = {key: value.float() if value.is_floating_point() else value for key, value in tensors.items()}
-    return Weights(name, method, sha256, json.loads(about["network"]), json.loads(about["training"]), tensors)
+    return Weights(name, about["method"], sha256, json.loads(about["network"]), json.loads(about["training"]), tensors)
 
 
 def write_weights(

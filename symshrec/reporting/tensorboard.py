@@ -8,6 +8,7 @@ from torch import from_numpy
 
 from symshrec.batch import Batch
 from symshrec.methods.base import SymmetryMethod
+from symshrec.methods.m2.autoencoder import Reconstruction
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
 from symshrec.reporting.drawing import PREDICTED, TRUE, cloud_mesh, draw_cloud
@@ -67,6 +68,8 @@ class TensorBoardResults(Callback):
 class TensorBoardTraining(Callback):
     """Logs, at every validation, the same few clouds with their true and predicted planes; hyperparameters at the end.
 
+    Of a pre-training, the clouds with the patches that were hidden, as they are and as they were told.
+
     Args:
         clouds: how many to show; 0 shows none.
 
@@ -80,23 +83,49 @@ class TensorBoardTraining(Callback):
         self.clouds = clouds
 
     def on_validation_batch_end(
-        self, trainer: Trainer, pl_module: SymmetryMethod, outputs: list[Planes], batch: Batch, batch_idx: int, *_
+        self,
+        trainer: Trainer,
+        pl_module: SymmetryMethod,
+        outputs: list[Planes] | Reconstruction,
+        batch: Batch,
+        batch_idx: int,
+        *_,
     ) -> None:
         if batch_idx or not trainer.is_global_zero or not isinstance(trainer.logger, TensorBoardLogger):
             return
-        for row, (points, found) in enumerate(zip(batch.clouds[: self.clouds], outputs, strict=False)):
-            figure = Figure(figsize=(5, 5), layout="constrained")
-            true = Planes.empty() if batch.truth[row] is None else batch.truth[row]
-            counted = found[found.confidences >= pl_module.count_threshold]
-            title = f"{batch.names[row]}, {len(true)} true, {len(counted)} predicted"
-            draw_cloud(figure.subplots(), points.cpu().numpy(), true, counted, title=title)
-            trainer.logger.experiment.add_figure(f"clouds/{batch.names[row]}", figure, trainer.global_step)
+        for row, name in enumerate(batch.names[: self.clouds]):
+            if isinstance(outputs, Reconstruction):
+                figure = _reconstruction(outputs, row)
+            else:
+                found = outputs[row]
+                figure = _planes(batch, row, found[found.confidences >= pl_module.count_threshold])
+            trainer.logger.experiment.add_figure(f"clouds/{name}", figure, trainer.global_step)
 
     def on_train_end(self, trainer: Trainer, pl_module: SymmetryMethod) -> None:
         if trainer.is_global_zero and isinstance(trainer.logger, TensorBoardLogger):
             scores = {name: float(value) for name, value in trainer.callback_metrics.items() if name.startswith("val/")}
             trainer.logger.log_hyperparams({"method": type(pl_module).__name__, **pl_module.hparams}, scores)
             trainer.logger.experiment.flush()
+
+
+def _planes(batch: Batch, row: int, counted: Planes) -> Figure:
+    figure = Figure(figsize=(5, 5), layout="constrained")
+    true = Planes.empty() if batch.truth[row] is None else batch.truth[row]
+    title = f"{batch.names[row]}, {len(true)} true, {len(counted)} predicted"
+    draw_cloud(figure.subplots(), batch.clouds[row].cpu().numpy(), true, counted, title=title)
+    return figure
+
+
+def _reconstruction(answer: Reconstruction, row: int) -> Figure:
+    """Side by side: the patches seen, those and what was told of the hidden ones, those and the hidden ones."""
+    figure = Figure(figsize=(12, 4), layout="constrained")
+    seen, told, hidden = (
+        each[row].flatten(0, 1).float().cpu().numpy() for each in (answer.visible, answer.predicted, answer.hidden)
+    )
+    parts = {"seen": seen, "told": np.concatenate([seen, told]), "true": np.concatenate([seen, hidden])}
+    for ax, (title, points) in zip(figure.subplots(1, 3), parts.items(), strict=True):
+        draw_cloud(ax, points, title=title)
+    return figure
 
 
 def _log_scores(logger: TensorBoardLogger, method: SymmetryMethod, scores: Scores, labels: list) -> None:

@@ -1,5 +1,7 @@
 """§3.2 M2's parts: the loss and the cleaning of the plain version, an encoder blind to order, heads side by side."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -10,14 +12,15 @@ from symshrec.benchmark.surfaces import draw_shape
 from symshrec.geometry import farthest_point_sampling
 from symshrec.methods.m2.autoencoder import MaskedAutoencoder, chamfer_l2
 from symshrec.methods.m2.chamfer import mirrored_chamfer
-from symshrec.methods.m2.cleaning import CleaningSettings, Confidence, clean, confidences
-from symshrec.methods.m2.encoder import Encoder, EncoderSizes
+from symshrec.methods.m2.cleaning import clean, confidences
+from symshrec.methods.m2.encoder import Encoder
 from symshrec.methods.m2.heads import PlaneHeads, hemisphere, unit_planes
 from symshrec.methods.m2.loss import orthogonality, symmetry_loss
 from symshrec.methods.m2.patches import cut_patches
+from symshrec.methods.m2.settings import CleaningSettings, Confidence, NetworkSettings, PretrainSettings
 from symshrec.reference import m2 as reference
 
-SIZES = EncoderSizes(groups=12, neighbours=8, width=24, depth=2, heads=3)
+SIZES = NetworkSettings(points=90, groups=12, neighbours=8, width=24, depth=2, heads=3)
 
 
 def random_clouds(clouds=3, count=90, seed=0, dtype=torch.float32):
@@ -73,9 +76,9 @@ def test_queries_estimate_the_sum_over_all_points_without_bias():
 
 def test_chamfer_and_regularisation_keep_full_precision_under_autocast():
     points, raw = random_clouds(), random_planes()
-    expected = symmetry_loss(points, *unit_planes(raw)).total
+    expected = symmetry_loss(points, *unit_planes(raw), 17.0).total
     with torch.autocast("cpu", dtype=torch.bfloat16):
-        assert torch.equal(symmetry_loss(points, *unit_planes(raw)).total, expected)
+        assert torch.equal(symmetry_loss(points, *unit_planes(raw), 17.0).total, expected)
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +110,7 @@ def test_a_true_plane_costs_less_than_the_limit_and_a_wrong_one_much_more(petals
 def test_loss_is_the_plain_one_averaged_over_clouds():
     points, raw = random_clouds(dtype=torch.float64), random_planes(dtype=torch.float64)
     normals, offsets = unit_planes(raw)
-    loss = symmetry_loss(points, normals, offsets)
+    loss = symmetry_loss(points, normals, offsets, 17.0)
     plain = [reference.symmetry_loss(*each) for each in zip(points, normals, offsets, strict=True)]
     torch.testing.assert_close(loss.total, torch.stack(plain).mean())
     torch.testing.assert_close(loss.total, loss.symmetry + 17 * loss.regularisation)
@@ -219,7 +222,7 @@ def test_patches_are_the_nearest_points_of_farthest_centres():
 @pytest.mark.parametrize("training", [True, False])
 def test_the_order_of_the_points_changes_nothing(training):
     torch.manual_seed(0)
-    encoder = Encoder(EncoderSizes(12, 8, 24, 2, 3, drop_path=0.0)).train(training)
+    encoder = Encoder(replace(SIZES, drop_path=0.0)).train(training)
     clouds = random_clouds()
     features = encoder(clouds)
     assert features.shape == (3, 48)
@@ -230,7 +233,7 @@ def test_the_order_of_the_points_changes_nothing(training):
 
 def test_published_sizes():
     """Point-MAE's encoder has 22 million parameters; its feature is twice the width."""
-    encoder = Encoder().eval()
+    encoder = Encoder(NetworkSettings()).eval()
     assert 21.5e6 < sum(each.numel() for each in encoder.parameters()) < 22.5e6
     first, last = (encoder.transformer.blocks[row].drop_path for row in (0, -1))
     assert first == 0
@@ -244,12 +247,12 @@ def test_published_sizes():
 )
 def test_sizes_out_of_range_are_named(size):
     with pytest.raises(ValueError, match=next(iter(size))):
-        EncoderSizes(**size)
+        NetworkSettings(**size)
 
 
 def test_autoencoder_hides_patches_and_learns_to_tell_them():
     torch.manual_seed(0)
-    autoencoder = MaskedAutoencoder(Encoder(SIZES))
+    autoencoder = MaskedAutoencoder(Encoder(SIZES), PretrainSettings())
     clouds = random_clouds(8)
     before = autoencoder(clouds)
     assert before.hidden.shape == before.predicted.shape == (8, 7, 8, 3)  # 0.6 of 12, rounded down
@@ -268,7 +271,7 @@ def test_autoencoder_hides_patches_and_learns_to_tell_them():
 
 
 def test_the_mask_follows_its_generator_and_the_hidden_patches_are_unseen():
-    autoencoder = MaskedAutoencoder(Encoder(SIZES)).eval()
+    autoencoder = MaskedAutoencoder(Encoder(SIZES), PretrainSettings()).eval()
     clouds = random_clouds(1)
     first, again = (autoencoder(clouds, torch.Generator().manual_seed(5)) for _ in range(2))
     assert torch.equal(first.hidden, again.hidden)
@@ -289,7 +292,7 @@ def test_reconstruction_loss_is_chamfer_both_ways():
 @pytest.mark.parametrize("ratio", [0.0, 0.05, 1.0])
 def test_a_mask_of_nothing_or_everything_is_refused(ratio):
     with pytest.raises(ValueError, match="mask_ratio"):
-        MaskedAutoencoder(Encoder(SIZES), mask_ratio=ratio)
+        MaskedAutoencoder(Encoder(SIZES), PretrainSettings(mask_ratio=ratio))
 
 
 def test_heads_side_by_side_are_heads_one_by_one():
@@ -337,6 +340,6 @@ def test_gradient_reaches_every_part():
     encoder = Encoder(SIZES)
     heads = PlaneHeads(2 * SIZES.width, heads=6, hidden=16)
     clouds = random_clouds(4)
-    symmetry_loss(clouds, *heads(encoder(clouds))).total.backward()
+    symmetry_loss(clouds, *heads(encoder(clouds)), 17.0).total.backward()
     parameters = [*encoder.named_parameters(), *heads.named_parameters()]
     assert all(each.grad is not None and each.grad.isfinite().all() for _, each in parameters)

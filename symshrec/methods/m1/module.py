@@ -42,8 +42,7 @@ class M1(LearnedMethod):
         self.loss, self.decode = loss or LossSettings(), decode or DecodeSettings()
         self.networks = self.build(network or NetworkSettings())
 
-    @staticmethod
-    def network_of(settings: NetworkSettings) -> nn.Module:
+    def network_of(self, settings: NetworkSettings) -> nn.Module:
         return M1Network(settings)
 
     def losses(self, batch: SampledBatch) -> dict[str, Tensor]:

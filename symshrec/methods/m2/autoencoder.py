@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from symshrec.methods.m2.encoder import Encoder
+from symshrec.methods.m2.settings import PretrainSettings
 from symshrec.methods.m2.transformer import Transformer, position_mlp
 
 
@@ -28,23 +29,24 @@ class MaskedAutoencoder(nn.Module):
 
     Args:
         encoder: what is to be trained.
-        mask_ratio: share of the patches that are hidden, rounded down.
-        decoder_depth: blocks of the decoder, as wide and with as many heads as the encoder's.
+        pretrain: how much is hidden, and how deep the decoder is.
 
     Raises:
         ValueError: where the ratio leaves no patch visible or hides none.
     """
 
-    def __init__(self, encoder: Encoder, mask_ratio: float = 0.6, decoder_depth: int = 4):
+    def __init__(self, encoder: Encoder, pretrain: PretrainSettings):
         super().__init__()
-        sizes = encoder.sizes
-        self.hidden_patches = int(mask_ratio * sizes.groups)
+        sizes, ratio = encoder.settings, pretrain.mask_ratio
+        self.hidden_patches = int(ratio * sizes.groups)
         if not 0 < self.hidden_patches < sizes.groups:
-            raise ValueError(f"mask_ratio is {mask_ratio}, which hides {self.hidden_patches} of {sizes.groups} patches")
+            raise ValueError(
+                f"pretrain.mask_ratio is {ratio}, which hides {self.hidden_patches} of {sizes.groups} patches"
+            )
         self.encoder = encoder
         self.mask_token = nn.Parameter(0.02 * torch.randn(sizes.width))
         self.positions = position_mlp(sizes.width)
-        self.decoder = Transformer(sizes.width, decoder_depth, sizes.heads, sizes.drop_path)
+        self.decoder = Transformer(sizes.width, pretrain.decoder_depth, sizes.heads, sizes.drop_path)
         self.to_points = nn.Linear(sizes.width, 3 * sizes.neighbours)
 
     def forward(self, clouds: Tensor, generator: torch.Generator | None = None) -> Reconstruction:

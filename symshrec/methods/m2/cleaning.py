@@ -1,47 +1,9 @@
 """§3.2 The cleaning step: of the planes of all heads, one of each, and none whose symmetry loss stands out."""
 
-from dataclasses import dataclass
-from enum import Enum
-
 import numpy as np
 
+from symshrec.methods.m2.settings import CleaningSettings, Confidence
 from symshrec.planes import axis_angles
-
-
-class Confidence(Enum):
-    """How sure a kept plane is, of which the paper says nothing.
-
-    none: 1, which the track entered for methods without a confidence. loss: 1 / (1 + loss / loss_limit).
-    """
-
-    none = "none"
-    loss = "loss"
-
-
-@dataclass(frozen=True)
-class CleaningSettings:
-    """The constants of the cleaning step.
-
-    Args:
-        merge_rad: planes whose normals are up to this angle apart, in radians, are the same.
-        mean_factor: a loss up to this many times the mean of the remaining planes is kept.
-        loss_limit: so is a loss up to this. The published 7 parts true planes (4 to 5) from others for clouds of 1,024
-            points on the unit sphere; other losses have another limit.
-
-    Raises:
-        ValueError: naming the setting that is out of its range.
-    """
-
-    merge_rad: float = np.pi / 10
-    mean_factor: float = 1.35
-    loss_limit: float = 7.0
-
-    def __post_init__(self):
-        tiny = np.finfo(float).tiny
-        ranges = {"merge_rad": (0, np.pi / 2), "mean_factor": (0, np.inf), "loss_limit": (tiny, np.inf)}
-        for name, (low, high) in ranges.items():
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a number in [{low:g}, {high:g}]")
 
 
 def clean(normals: np.ndarray, losses: np.ndarray, settings: CleaningSettings | None = None) -> np.ndarray:

@@ -1,63 +1,28 @@
 """§3.2 The backbone: a plain vision transformer over the patches of a cloud, as in Point-MAE [PWT*22]."""
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor, nn
 
 from symshrec.methods.m2.patches import PatchEmbedding, cut_patches
+from symshrec.methods.m2.settings import NetworkSettings
 from symshrec.methods.m2.transformer import Transformer, position_mlp
-
-
-@dataclass(frozen=True)
-class EncoderSizes:
-    """The published backbone.
-
-    Args:
-        groups: patches a cloud is cut into.
-        neighbours: points in each.
-        width: of a token; a multiple of 3 (see `PatchEmbedding`) and of the heads.
-        depth: transformer blocks.
-        heads: of attention.
-        drop_path: share of clouds that skip the last block's branches in training.
-
-    Raises:
-        ValueError: naming the size that is out of its range.
-    """
-
-    groups: int = 64
-    neighbours: int = 32
-    width: int = 384
-    depth: int = 12
-    heads: int = 6
-    drop_path: float = 0.1
-
-    def __post_init__(self):
-        for name in ("groups", "neighbours", "width", "depth", "heads"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected at least 1")
-        if self.width % 3 or self.width % self.heads:
-            raise ValueError(f"width is {self.width}, expected a multiple of 3 and of the {self.heads} heads")
-        if not 0 <= self.drop_path < 1:
-            raise ValueError(f"drop_path is {self.drop_path}, expected a share in [0, 1)")
 
 
 class Encoder(nn.Module):
     """Clouds to tokens, one per patch, or to one global feature of twice the width."""
 
-    def __init__(self, sizes: EncoderSizes | None = None):
+    def __init__(self, settings: NetworkSettings):
         super().__init__()
-        self.sizes = sizes or EncoderSizes()
-        width = self.sizes.width
+        self.settings, width = settings, settings.width
         self.embedding = PatchEmbedding(width)
         self.positions = position_mlp(width)
-        self.transformer = Transformer(width, self.sizes.depth, self.sizes.heads, self.sizes.drop_path)
+        self.transformer = Transformer(width, settings.depth, settings.heads, settings.drop_path)
         self.class_token = nn.Parameter(0.02 * torch.randn(width))
         self.class_position = nn.Parameter(0.02 * torch.randn(width))
 
     def patches(self, clouds: Tensor) -> tuple[Tensor, Tensor]:
         """Centres (B, G, 3) and centred patches (B, G, K, 3) of clouds (B, N, 3); see `cut_patches`."""
-        return cut_patches(clouds, self.sizes.groups, self.sizes.neighbours)
+        return cut_patches(clouds, self.settings.groups, self.settings.neighbours)
 
     def tokens(self, centres: Tensor, patches: Tensor) -> Tensor:
         """Some patches of each cloud, (B, G', 3) and (B, G', K, 3), encoded without class token: (B, G', width)."""

@@ -44,7 +44,8 @@ class PlaneHeads(nn.Module):
         """Planes n·x + d = 0 from global features (B, F): unit normals (B, H, 3) and offsets d (B, H), in float32."""
         hidden = self._activated(self.first_norm, self.first(features[:, None]))
         hidden = self._activated(self.second_norm, self.second(hidden))
-        return unit_planes(self.third(hidden).float())
+        with torch.autocast(features.device.type, enabled=False):  # bfloat16 would round normals by a tenth of a degree
+            return unit_planes(self.third(hidden.float()))
 
     def _activated(self, norm: nn.BatchNorm1d, hidden: Tensor) -> Tensor:
         hidden = norm(hidden.flatten(1)).unflatten(1, (self.heads, -1))

@@ -7,8 +7,6 @@ from torch import Tensor
 
 from symshrec.methods.m2.chamfer import mirrored_chamfer
 
-REGULARISATION_WEIGHT = 17.0
-
 
 @dataclass(frozen=True)
 class SymmetryLoss:
@@ -28,7 +26,7 @@ def symmetry_loss(
     points: Tensor,
     normals: Tensor,
     offsets: Tensor,
-    weight: float = REGULARISATION_WEIGHT,
+    weight: float,
     queries: Tensor | None = None,
     chunk_bytes: int | None = None,
 ) -> SymmetryLoss:

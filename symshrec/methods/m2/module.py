@@ -1,0 +1,99 @@
+"""§3.2 M2 as a SymmetryMethod that learns: farthest points on the unit sphere, planes of all heads, cleaning."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from torch import Tensor, nn
+
+from symshrec.batch import SampledBatch
+from symshrec.methods.learned import LearnedMethod, UnitSphere
+from symshrec.methods.m2.chamfer import mirrored_chamfer
+from symshrec.methods.m2.cleaning import clean, confidences
+from symshrec.methods.m2.loss import symmetry_loss
+from symshrec.methods.m2.network import M2Network
+from symshrec.methods.m2.settings import (
+    CleaningSettings,
+    Confidence,
+    LossSettings,
+    NetworkSettings,
+    PretrainSettings,
+)
+from symshrec.methods.weights import load_into, read_weights
+from symshrec.planes import Planes
+
+ENCODER = "encoder."
+PRETRAINED = "m2_pretrain"  # the method that weights of a pre-training name
+
+
+class M2(LearnedMethod):
+    """The Multi-Head Symmetry Transformer, which learns without labels.
+
+    Args:
+        network, loss, cleaning: see `NetworkSettings`, `LossSettings` and `CleaningSettings`. Weights bring the network
+            they belong to.
+        confidence: of the planes, see `Confidence`; `none` is as published.
+        pretrain: see `PretrainSettings`; only `M2Pretraining`, which the same configuration describes, heeds it.
+        weights, count_threshold, workers, refine: see `LearnedMethod`. The planes of several networks are cleaned
+            together.
+
+    Raises:
+        ValueError: naming the setting that is out of its range. WeightsError: for weights that cannot be used.
+    """
+
+    name = "m2"
+
+    def __init__(
+        self,
+        network: NetworkSettings | None = None,
+        loss: LossSettings | None = None,
+        cleaning: CleaningSettings | None = None,
+        confidence: Confidence = Confidence.none,
+        pretrain: PretrainSettings | None = None,
+        weights: Sequence[str] = (),
+        count_threshold: float = 0.5,
+        workers: int = 0,
+        refine: bool = False,
+    ):
+        super().__init__(weights, count_threshold, workers, refine)
+        self.loss, self.cleaning, self.confidence = loss or LossSettings(), cleaning or CleaningSettings(), confidence
+        self.pretrain = pretrain or PretrainSettings()
+        self.networks = self.build(network or NetworkSettings())
+
+    def network_of(self, settings: NetworkSettings) -> nn.Module:
+        return M2Network(settings)
+
+    def start_from(self, name: str) -> None:
+        """The encoder of a pre-training alone, or all of an earlier training."""
+        weights, (network, *_) = read_weights(name, self.name, "m2", PRETRAINED), self.networks
+        if weights.method == self.name:
+            load_into(network, weights)
+            return
+        tensors = {key: value for key, value in weights.tensors.items() if key.startswith(ENCODER)}
+        tensors = {key.removeprefix(ENCODER): value for key, value in tensors.items()}
+        load_into(network.encoder, replace(weights, tensors=tensors))
+
+    def losses(self, batch: SampledBatch) -> dict[str, Tensor]:
+        """The published loss and its terms, the regularisation before its weight; see `symmetry_loss`."""
+        points = UnitSphere.of(batch.points).apply(batch.points)
+        count, queries = points.shape[1], None
+        if self.training and self.loss.queries is not None and self.loss.queries < count:
+            queries = torch.randperm(count, device=points.device)[: self.loss.queries]
+        found = symmetry_loss(points, *self.networks[0](points), self.loss.regularisation, queries)
+        return {"symmetry": found.symmetry, "regularisation": found.regularisation, "loss": found.total}
+
+    def detect_sampled(self, points: Tensor) -> list[Planes]:
+        """The planes of clouds (B, N, 3) of N sampled points, in ascending order of their loss."""
+        frame = UnitSphere.of(points)
+        seen = frame.apply(points)
+        said = [network(seen) for network in self.networks]
+        normals, offsets = (torch.cat(each, 1) for each in zip(*said, strict=True))
+        losses = mirrored_chamfer(seen, normals, offsets)
+        arrays = [each.double().cpu().numpy() for each in (normals, offsets, losses)]
+        return frame.restored([self._cleaned(*cloud) for cloud in zip(*arrays, strict=True)])
+
+    def _cleaned(self, normals, offsets, losses) -> Planes:
+        """The planes that cleaning leaves of one cloud, on the sphere, from arrays (H, 3), (H,) and (H,)."""
+        kept = clean(normals, losses, self.cleaning)
+        sure = confidences(losses[kept], self.confidence, self.cleaning.loss_limit)
+        return Planes(normals[kept], -offsets[kept, None] * normals[kept], sure)
