@@ -18,14 +18,15 @@ ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
 RUNS = {
     "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5"),
+    "m2": ("m2", "m2_cpu", "published", "confidence", "pretrain"),
     "m4": ("m4", "sharp", "fast"),
     "truth": ("truth", "near", "exact"),
 }  # of which method; the others are m3's
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
-NEEDS["data/official"] = ["data.root=somewhere"]
+NEEDS |= dict.fromkeys(("data/official", "data/clouds"), ["data.root=somewhere"])
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
-ROWS = (*M1_ROWS, "m3_r1", "m3_r2", "m1_r5", "m4", "m4_fast")
-ROWS = (*ROWS, *(f"{row}_refine" for row in (*M1_ROWS, "m3_r1", "m3_r2", "m1_r5")), "oracle")
+REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m2_confidence")
+ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)
@@ -74,7 +75,7 @@ def test_the_rows_of_the_tables_are_runs_of_experiments_scored_at_both_tolerance
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("data=quik", "Available options in 'data':\n\tfingerprint\n\thard\n\thard_quick\n\tofficial\n\tpaper"),
+        ("data=quik", "Available options in 'data':\n\tclouds\n\tfingerprint\n\thard\n\thard_quick\n\tofficial\n\tpaper"),
         ("run=k300", "Available options in 'run'"),
         ("method.neighbors=200", "unknown key 'method.neighbors'; valid here: .*neighbours"),
         ("data.benchmark.nois.shift=scalar", "unknown key 'data.benchmark.nois'; valid here: .*noise"),
