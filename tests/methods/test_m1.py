@@ -260,7 +260,7 @@ def test_weights_bring_their_network_and_their_halves_suffice(weights):
 
 
 def test_weights_that_do_not_fit_are_named(weights, tmp_path):
-    with pytest.raises(WeightsError, match="no weights 'm1_r9'; shipped for m1"):
+    with pytest.raises(WeightsError, match="no weights called 'm1_r9' come with symshrec; of m1 there are"):
         M1(weights=["m1_r9"])
     (tmp_path / "x.safetensors").write_bytes(b"no such thing")
     with pytest.raises(WeightsError, match="not a readable safetensors file"):
