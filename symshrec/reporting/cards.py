@@ -1,4 +1,4 @@
-"""Model cards: what the shipped weights say of themselves, and what results say of them, as tables in weights/README.md."""
+"""Model cards: what shipped weights say of themselves and results say of them, as tables in weights/README.md."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
