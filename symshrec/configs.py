@@ -93,6 +93,7 @@ class M1Config(LearnedConfig):
     network: NetworkSettings = field(default_factory=NetworkSettings)
     loss: LossSettings = field(default_factory=LossSettings)
     decode: DecodeSettings = field(default_factory=DecodeSettings)
+    twice: bool = False
 
 
 @dataclass

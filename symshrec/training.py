@@ -39,6 +39,7 @@ NO_INFLUENCE = (  # beginnings of keys
     "method.count_threshold",
     "method.decode",
     "method.refine",
+    "method.twice",
     "method.workers",
     "train.clouds_shown",
     "train.folder",
