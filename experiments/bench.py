@@ -17,6 +17,7 @@ from symshrec.reporting.benchmarks import (
     scoring_timing,
     timings_grid,
 )
+from symshrec.reporting.m1_benchmarks import m1_timings
 from symshrec.reporting.typeset import markdown
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
@@ -41,7 +42,9 @@ def _timings(workers: int) -> Iterator[Timing]:
         yield from generator_timings(benchmark, Path(folder), workers)
     yield scoring_timing()
     m3, m4, fast = (method_of(load([f"experiment={name}"])) for name in ("m3_r1", "m4", "m4_fast"))
-    yield from method_timings(m3, m4, fast, benchmark_clouds(benchmark))
+    clouds = benchmark_clouds(benchmark)
+    yield from method_timings(m3, m4, fast, clouds)
+    yield from m1_timings(method_of(load(["experiment=m1_r4"])), clouds)
 
 
 if __name__ == "__main__":

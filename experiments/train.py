@@ -5,6 +5,7 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from symshrec.configs import entry
+from symshrec.folds import fold_spread
 from symshrec.training import WEIGHTS, train
 
 
@@ -17,6 +18,10 @@ def main(config: DictConfig) -> None:
     figures = ", ".join(f"{name.removeprefix('val/')} {value:.4f}" for name, value in result["validation"].items())
     print(f"{result['name']}, fold {result['fold']}: {result['epochs']:g} epochs in {result['seconds'] / 60:.1f} min")
     print(f"{result['validation_clouds']} validation clouds: {figures}")
+    folds, spread = fold_spread(config)
+    if folds:
+        means = ", ".join(f"{name.removeprefix('val/')} {mean:.4f} ± {sd:.4f}" for name, (mean, sd) in spread.items())
+        print(f"folds {', '.join(map(str, folds))}: {means}")
     print(f"weights: {Path(config.train.folder) / WEIGHTS}, for method.weights=[…] of evaluate.py")
 
 

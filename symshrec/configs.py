@@ -94,6 +94,7 @@ class M1Config(LearnedConfig):
     network: m1.NetworkSettings = field(default_factory=m1.NetworkSettings)
     loss: m1.LossSettings = field(default_factory=m1.LossSettings)
     decode: m1.DecodeSettings = field(default_factory=m1.DecodeSettings)
+    twice: bool = False
 
 
 @dataclass

@@ -161,15 +161,24 @@ def _made(name: str, arguments: str) -> Detector:
     try:
         if name in SETTINGS:
             return training_free(name, **{key: config.method[key] for key in valid if key != "workers"})
-        return method_of(config)
-    except (ValueError, InstantiationException) as error:
-        raise ValueError(f"method {name}: {error.__cause__ or error}") from error
+    except ValueError as error:
+        raise ValueError(f"method {name}: {error}") from error
+    return method_of(config)
 
 
 def method_of(config: DictConfig) -> "SymmetryMethod":
-    """The method that `config.method` describes."""
+    """The method that `config.method` describes.
+
+    Raises:
+        ValueError: for arguments that the method refuses, or weights that are not there.
+    """
     arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
-    method = instantiate(arguments, _convert_="object")  # settings become the dataclasses they are, lists plain
+    try:
+        method = instantiate(arguments, _convert_="object")  # settings become the dataclasses they are, lists plain
+    except InstantiationException as error:
+        if isinstance(error.__cause__, ValueError):
+            raise ValueError(f"method {config.method.name}: {error.__cause__}") from error
+        raise
     method.hparams.update(OmegaConf.to_container(config.method, resolve=True, enum_to_str=True))
     return method
 

@@ -41,6 +41,7 @@ NO_INFLUENCE = (  # beginnings of keys
     "method.count_threshold",
     "method.decode",
     "method.refine",
+    "method.twice",
     "method.workers",
     "train.clouds_shown",
     "train.folder",
@@ -58,7 +59,8 @@ def train(config: DictConfig) -> dict | None:
     A killed run loses at most the round it was in, and ends with the weights that it would have had anyway.
 
     Returns:
-        What training.json holds; None where `train.max_minutes` ended it before the last round.
+        What training.json holds; None where `train.max_minutes` ended it before the last round, and in all processes
+        but the first.
 
     Raises:
         ValueError: where the folder holds a training of other settings, or the method has nothing to train.
@@ -88,7 +90,14 @@ def train(config: DictConfig) -> dict | None:
     if trainer.current_epoch < rounds:
         log.info("stopped after round %d of %d; the same command goes on", trainer.current_epoch, rounds)
         return None
-    return _record(config, folder, method, data, trainer, progress, settings)
+    result = _record(config, method, data, trainer, progress, settings)
+    if not trainer.is_global_zero:
+        return None
+    weights, network = folder / WEIGHTS, method.networks[0]
+    write_weights(weights, method.name, plain_settings(method.network_settings), result, network.state_dict())
+    result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
+    write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
+    return result
 
 
 def decisive_settings(config: DictConfig) -> dict[str, object]:
@@ -163,8 +172,9 @@ class Progress(Callback):
 
     def on_train_epoch_end(self, trainer, method) -> None:
         self.seconds += self._end - self._mark
-        method.log("train/clouds_per_second", self.clouds / max(self.seconds, 1e-9))
-        method.log("train/share_waiting_for_data", self.waited / max(self.seconds, 1e-9))
+        shares = {"clouds_per_second": self.clouds, "share_waiting_for_data": self.waited}
+        seconds = max(self.seconds, 1e-9)
+        method.log_dict({f"train/{name}": value / seconds for name, value in shares.items()}, sync_dist=True)
         trainer.should_stop = trainer.strategy.broadcast(time.perf_counter() > self._stop)
 
 
@@ -197,12 +207,12 @@ def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) 
     )
 
 
-def _record(config, folder: Path, method: LearnedMethod, data, trainer: Trainer, progress: Progress, settings) -> dict:
-    """Write the weights and, last, training.json: how they came about and what the validating fold says of them."""
+def _record(config, method: LearnedMethod, data, trainer: Trainer, progress: Progress, settings: dict) -> dict:
+    """How the weights came about, and what the validating fold says of them."""
     trainer.validate(method, datamodule=data, verbose=False)
     split = data.split("train")
     scores = {name: float(value) for name, value in sorted(trainer.callback_metrics.items()) if "val/" in name}
-    result = {
+    return {
         "name": config.title,
         "method": config.method.name,
         "run": config.run.name,
@@ -221,12 +231,6 @@ def _record(config, folder: Path, method: LearnedMethod, data, trainer: Trainer,
         "peak_memory_mib": peak_memory_mib(),
         "code": code_version(),
     }
-    weights, network = folder / WEIGHTS, method.networks[0]
-    write_weights(weights, method.name, plain_settings(method.network_settings), result, network.state_dict())
-    result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
-    if trainer.is_global_zero:
-        write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
-    return result
 
 
 def _read(path: Path) -> dict | None:

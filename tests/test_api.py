@@ -110,7 +110,7 @@ def test_a_method_by_name_takes_its_arguments_and_is_made_once():
     assert named_method("m3", neighbours=17).settings.neighbours == 17
     assert named_method("m3", neighbours=17) is named_method("m3", neighbours=17)
     for arguments, problem in (
-        (("m5",), "there is no method 'm5'; there is m3"),
+        (("m5",), "there is no method 'm5'; there is m1, .*m3, m4"),
         (("../m3",), "there is no method"),
         (("m3", {"neighbors": 5}), "method m3 has no argument 'neighbors'; it has .*neighbours"),
         (("m3", {"neighbours": "many"}), "method m3: Value 'many'"),

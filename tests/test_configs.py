@@ -23,7 +23,7 @@ RUNS = {
     "truth": ("truth", "near", "exact"),
 }  # of which method; the others are m3's
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
-NEEDS |= dict.fromkeys(("data/official", "data/clouds"), ["data.root=somewhere"])
+NEEDS |= {f"data/{name}": ["data.root=somewhere"] for name in ("official", "clouds")}
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
 REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m2_confidence")
 ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
@@ -75,7 +75,10 @@ def test_the_rows_of_the_tables_are_runs_of_experiments_scored_at_both_tolerance
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("data=quik", "Available options in 'data':\n\tclouds\n\tfingerprint\n\thard\n\thard_quick\n\tofficial\n\tpaper"),
+        (
+            "data=quik",
+            "Available options in 'data':\n\tclouds\n\tfingerprint\n\thard\n\thard_quick\n\tofficial",
+        ),
         ("run=k300", "Available options in 'run'"),
         ("method.neighbors=200", "unknown key 'method.neighbors'; valid here: .*neighbours"),
         ("data.benchmark.nois.shift=scalar", "unknown key 'data.benchmark.nois'; valid here: .*noise"),

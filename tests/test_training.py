@@ -15,6 +15,7 @@ from tensorboard.backend.event_processing.event_accumulator import EventAccumula
 
 from symshrec.clouds import CloudFileError
 from symshrec.evaluation import evaluate
+from symshrec.folds import fold_spread
 from symshrec.methods.learned import restored_settings
 from symshrec.methods.m2.module import M2
 from symshrec.methods.m2.settings import NetworkSettings
@@ -158,6 +159,19 @@ def test_a_training_by_other_settings_is_not_touched(tiny):
     with pytest.raises(ValueError, match=r"other settings \(train\.optimiser\.clip\); name another train\.folder"):
         train(tiny("folder", "train.optimiser.clip=2"))
     assert Path(tiny("folder").train.folder, "weights.safetensors").read_bytes() == before
+
+
+def test_folds_have_a_mean_and_a_spread(tiny):
+    """Each validates on other clouds; a training with other settings does not count."""
+    folds = [tiny("f${data.fold}", f"data.fold={fold}", "train.epochs=1") for fold in (0, 1)]
+    records = [train(config) for config in folds]
+    assert fold_spread(folds[0].copy())[0] == fold_spread(folds[1])[0] == [0, 1]
+    losses = [each["validation"]["val/loss"] for each in records]
+    assert losses[0] != losses[1]
+    assert fold_spread(folds[1])[1]["val/loss"] == pytest.approx((np.mean(losses), np.std(losses, ddof=1)))
+    other = tiny("f${data.fold}", "data.fold=2", "train.epochs=2")
+    train(other)
+    assert fold_spread(other) == ([], {})
 
 
 def test_a_loss_that_is_not_finite_ends_the_training_at_once(tiny, monkeypatch):

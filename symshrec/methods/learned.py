@@ -184,7 +184,7 @@ class LearnedMethod(SymmetryMethod):
     def on_validation_epoch_end(self) -> None:
         if self.val_metric.clouds:
             means = self.val_metric.compute()
-            self.log_dict({f"val/{name}": float(value) for name, value in means.items()}, rank_zero_only=False)
+            self.log_dict({f"val/{name}": float(value) for name, value in means.items()}, sync_dist=True)
 
 
 def plain_settings(settings) -> dict:

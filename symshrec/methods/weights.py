@@ -45,21 +45,20 @@ class Weights:
 
 def shipped(method: str = "") -> list[str]:
     """Names of the weights that come with the package, those of one method where one is named."""
-    return sorted(path.stem for path in _folder().glob(f"{method}*.safetensors"))
+    return sorted(path.stem for path in weights_folder().glob(f"{method}*.safetensors"))
 
 
 def read_weights(name: str, *methods: str) -> Weights:
-    """The shipped weights of this name, or those in the file at this path, of one of these methods.
+    """The shipped weights of this name, or those in the file at this path; of any method where none is named.
 
     Raises:
         WeightsError: naming the file and what can be done.
     """
-    path = Path(name) if name.endswith(".safetensors") else _folder() / f"{name}.safetensors"
+    path = Path(name) if name.endswith(".safetensors") else weights_folder() / f"{name}.safetensors"
     if not path.is_file():
-        there = ", ".join(shipped(methods[0])) or "none"
-        raise WeightsError(
-            f"there are no weights {name!r}; shipped for {methods[0]}: {there}; or give a .safetensors file"
-        )
+        method = methods[0] if methods else ""
+        there = f"{f'of {method} ' if method else ''}there are {', '.join(shipped(method)) or 'none'}"
+        raise WeightsError(f"no weights called {name!r} come with symshrec; {there}; or give a .safetensors file")
     try:
         with safe_open(path, framework="pt") as file:
             about = file.metadata() or {}
@@ -68,7 +67,7 @@ def read_weights(name: str, *methods: str) -> Weights:
         raise WeightsError(f"{path} is not a readable safetensors file ({error})") from error
     if about.get("format") != FORMAT:
         raise WeightsError(f"{path} was not written by experiments/train.py; its metadata lack format {FORMAT!r}")
-    if about["method"] not in methods:
+    if methods and about["method"] not in methods:
         raise WeightsError(f"{path} holds weights of {about['method']}, not of {' or '.join(dict.fromkeys(methods))}")
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     tensors = {key: value.float() if value.is_floating_point() else value for key, value in tensors.items()}
@@ -110,5 +109,6 @@ def load_into(network: torch.nn.Module, weights: Weights) -> None:
         raise WeightsError(f"weights {weights.name!r} do not fit the network: {error}") from error
 
 
-def _folder() -> Path:
+def weights_folder() -> Path:
+    """Where the shipped weights lie."""
     return Path(str(files("symshrec"))) / "weights"

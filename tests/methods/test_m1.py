@@ -233,6 +233,13 @@ def test_a_network_twice_answers_as_once(weights):
     assert len(loose(weights).networks) == 2
 
 
+def test_seen_twice_a_mirrored_cloud_has_mirrored_planes(weights):
+    method, points, mirror = loose(weights[:1]), cloud(), np.array([1.0, -1.0, 1.0])
+    method.twice = True
+    planes, mirrored = method.detect(points), method.detect(points * torch.tensor([1.0, -1, 1]))
+    assert_same(mirrored, Planes(planes.normals * mirror, planes.points * mirror, planes.confidences))
+
+
 def test_tiny_clouds_work(weights):
     for points in (torch.zeros(1, 3), torch.ones(5, 3), cloud(3)):
         planes = loose(weights[:1]).detect(points)
@@ -260,7 +267,7 @@ def test_weights_bring_their_network_and_their_halves_suffice(weights):
 
 
 def test_weights_that_do_not_fit_are_named(weights, tmp_path):
-    with pytest.raises(WeightsError, match="no weights 'm1_r9'; shipped for m1"):
+    with pytest.raises(WeightsError, match="no weights called 'm1_r9' come with symshrec; of m1 there are"):
         M1(weights=["m1_r9"])
     (tmp_path / "x.safetensors").write_bytes(b"no such thing")
     with pytest.raises(WeightsError, match="not a readable safetensors file"):

@@ -1,0 +1,72 @@
+"""Model cards: what shipped weights say of themselves and results say of them, as tables in weights/README.md."""
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from symshrec.methods.weights import Weights, read_weights, shipped
+from symshrec.metrics import METRICS
+from symshrec.reporting.results import LABELS, find_score, read_result
+from symshrec.reporting.typeset import Grid, Text, markdown
+
+BEGIN, END = "<!-- facts: written by experiments/cards.py -->", "<!-- end of facts -->"
+TRAINED = ("weights", "run", "network", "clouds seen", "epochs", "minutes", "on", "validation mAP", "sha256")
+
+
+def card_text(page: str, results: Path) -> str:
+    """The page with the tables between its marks written anew.
+
+    Args:
+        page: text of weights/README.md.
+        results: folder of results/<data>/, whose metrics.json name the weights they were made with.
+
+    Raises:
+        ValueError: where the page lacks the marks.
+    """
+    if BEGIN not in page or END not in page:
+        raise ValueError(f"the page lacks the lines {BEGIN!r} and {END!r} between which its tables go")
+    before, _, rest = page.partition(BEGIN)
+    _, _, after = rest.partition(END)
+    everything = [read_weights(name) for name in shipped()]
+    tables = [markdown(trained_grid(everything)), *map(markdown, tested_grids(everything, results))]
+    return "\n".join([f"{before}{BEGIN}", "", *tables, f"{END}{after}"])
+
+
+def trained_grid(everything: Iterable[Weights]) -> Grid:
+    """A row for every file: what it was trained on, for how long and where."""
+    rows = []
+    for weights in everything:
+        training = weights.training
+        machine = training["hardware"]
+        scores = training["validation"]
+        row = (
+            weights.name,
+            training["name"],
+            ", ".join(f"{key} {_plain(value)}" for key, value in weights.network.items()),
+            f"{training['clouds']:,}",
+            f"{training['epochs']:.1f}",
+            f"{training['seconds'] / 60:.0f}",
+            machine["gpu"] or f"{machine['cpu']}, CPU",
+            f"{scores['val/mAP']:.3f}" if "val/mAP" in scores else "",
+            weights.sha256[:12],
+        )
+        rows.append([Text(each) for each in row])
+    return Grid("How they were trained", TRAINED, rows, left=3)
+
+
+def tested_grids(everything: Iterable[Weights], results: Path) -> Iterator[Grid]:
+    """The scores of all runs with these very weights, one grid for every data set."""
+    hashes = {weights.sha256 for weights in everything}
+    header = ("run", *(f"{LABELS.get(metric, metric)} ↑" for metric in METRICS))
+    for folder in sorted(path for path in results.iterdir() if path.is_dir()):
+        rows = []
+        for path in sorted(folder.glob("*/metrics.json")):
+            result = read_result(path)
+            if hashes & {used["sha256"] for used in result.get("weights") or ()}:
+                values = [find_score(result, metric, "all") for metric in METRICS]
+                rows.append([Text(result["name"]), *(Text(f"{value:.4f}") for value in values)])
+        if rows:
+            yield Grid(f"Tested on {folder.name} at 1° and 1 %", header, rows)
+
+
+def _plain(value: object) -> str:
+    return "×".join(map(str, value)) if isinstance(value, list) else str(value)
