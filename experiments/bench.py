@@ -18,6 +18,7 @@ from symshrec.reporting.benchmarks import (
     timings_grid,
 )
 from symshrec.reporting.m1_benchmarks import m1_timings
+from symshrec.reporting.m2_benchmarks import m2_timings
 from symshrec.reporting.typeset import markdown
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
@@ -45,6 +46,7 @@ def _timings(workers: int) -> Iterator[Timing]:
     clouds = benchmark_clouds(benchmark)
     yield from method_timings(m3, m4, fast, clouds)
     yield from m1_timings(method_of(load(["experiment=m1_r4"])), clouds)
+    yield from m2_timings(method_of(load(["experiment=m2"])), clouds)
 
 
 if __name__ == "__main__":

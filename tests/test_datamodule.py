@@ -38,13 +38,13 @@ def test_batches_hold_every_cloud_whole_whatever_the_batch_size(smoke_root):
 def test_folds_part_the_training_split(smoke_root):
     parts = []
     for fold in range(5):
-        module = opened(smoke_root, "fit", fold=fold)
-        train, val = (set(module.datasets[name].positions.tolist()) for name in ("train", "val"))
-        assert not train & val
-        assert train | val == set(range(42))
+        module = opened(smoke_root, "validate", fold=fold)
+        val = set(module.datasets["val"].positions.tolist())
+        assert module.training_clouds() + len(val) == 42
         parts.append(val)
     assert not any(a & b for a, b in itertools.combinations(parts, 2))
-    assert opened(smoke_root, "fit", fold=2).datasets["val"].positions.tolist() == sorted(parts[2])
+    assert set.union(*parts) == set(range(42))
+    assert opened(smoke_root, "validate", fold=2).datasets["val"].positions.tolist() == sorted(parts[2])
 
 
 def test_filters_keep_what_they_name(smoke_root):
