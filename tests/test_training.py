@@ -26,6 +26,7 @@ ROOT = Path(__file__).parents[1]
 TINY_M1 = [
     "method=m1",
     "run=r5",
+    "train.init=null",
     "method.network.points=32",
     "method.network.channels=16",
     "method.network.layers=1",
