@@ -65,6 +65,7 @@ def plain_loss(said: tuple[Tensor, Tensor, Tensor], normals: Tensor, centre: Ten
 
 def plain_decode(
     normals: np.ndarray, confidences: np.ndarray, centres: np.ndarray, confidence=0.3, eps_deg=3.0, min_share=0.1,
+    agreement_deg=1.0,
     separation_deg=5.0,
 ) -> Planes:  # fmt: skip
     """Planes from all predictions of one cloud, (N, M, 3), (N, M) and (N, 3), by scikit-learn's DBSCAN on all N · M.
@@ -82,7 +83,10 @@ def plain_decode(
         members = (clusters.labels_ == label) & (confidences >= confidence)
         if members.any():
             moment = (confidences[members, None] * normals[members]).T @ normals[members]
-            found.append((min(1.0, confidences[members].sum() / count), np.linalg.eigh(moment)[1][:, -1]))
+            axis = np.linalg.eigh(moment)[1][:, -1]
+            sines = np.linalg.norm(np.cross(normals[members], axis), axis=1)
+            weights = np.exp(-((sines / np.deg2rad(agreement_deg)) ** 2) / 2)
+            found.append((min(1.0, (confidences[members] * weights).sum() / count), axis))
     kept: list[tuple[float, np.ndarray]] = []
     for support, axis in sorted(found, key=lambda each: -each[0]):
         if all(abs(axis @ other) <= np.cos(np.deg2rad(separation_deg)) for _, other in kept):

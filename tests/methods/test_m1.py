@@ -168,9 +168,11 @@ def said_by_points(planes, spread_deg, count=200, heads=6, seed=0):
 
 def test_planes_are_means_of_what_the_points_say():
     true = Planes(unit(3, seed=4), np.full((3, 3), 0.1), np.array([0.9, 0.7, 0.8]))
-    found = decode(*said_by_points(true, 1.0), DecodeSettings())
+    found = decode(*said_by_points(true, 1.0), DecodeSettings(agreement_deg=30))
     assert len(found) == 3
     np.testing.assert_allclose(found.confidences, [0.9, 0.8, 0.7], atol=0.02)
+    halved = decode(*said_by_points(true, 1.0), DecodeSettings())  # the mean of exp(−θ²/2σ²) where both spreads are σ
+    np.testing.assert_allclose(halved.confidences, found.confidences / 2, rtol=0.1)
     assert np.rad2deg(axis_angles(found.normals, true.normals)).min(0).max() < 0.3
     np.testing.assert_allclose(found.points, 0.1, atol=0.005)
 

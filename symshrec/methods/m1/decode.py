@@ -16,7 +16,7 @@ def decode(normals: np.ndarray, confidences: np.ndarray, centres: np.ndarray, se
 
     A cluster's normal is the principal axis of its members, weighted by their confidences: the single most confident
     one would be several tenths of a degree off. Its confidence is the sum of its members' over the number of points,
-    at most 1. All planes go through the mean of the predicted centres.
+    each times exp(−θ²/2σ²) for its angle θ to the axis, at most 1. All planes go through the mean predicted centre.
 
     Args:
         normals: (N, M, 3) unit vectors, the points in an order that leaves the first of them well spread (farthest
@@ -40,7 +40,7 @@ def decode(normals: np.ndarray, confidences: np.ndarray, centres: np.ndarray, se
     nearness = np.abs(normals @ axes.T)  # (P, C)
     labels = np.where(nearness.max(1) >= closeness, nearness.argmax(1), NOISE)
     axes = principal_axes(normals, confidences, labels, len(axes))
-    support = np.bincount(labels[labels > NOISE], confidences[labels > NOISE], len(axes)) / count
+    support = agreement(normals, confidences, labels, axes, np.deg2rad(settings.agreement_deg)) / count
     kept = suppressed(axes, support, np.cos(np.deg2rad(settings.separation_deg)))
     centre = centres.mean(0)
     return Planes(axes[kept], np.tile(centre, (len(kept), 1)), np.minimum(support[kept], 1.0))
@@ -83,6 +83,16 @@ def principal_axes(normals: np.ndarray, weights: np.ndarray, labels: np.ndarray,
         sums = np.bincount(bins, weights * normals[:, row] * normals[:, column], count + 1)[1:]
         moments[:, row, column] = moments[:, column, row] = sums
     return np.linalg.eigh(moments)[1][:, :, -1]
+
+
+def agreement(
+    normals: np.ndarray, confidences: np.ndarray, labels: np.ndarray, axes: np.ndarray, sigma: float
+) -> np.ndarray:
+    """Sums of every cluster's confidences (P,), each times exp(−θ²/2σ²): (C,), from (P, 3), axes (C, 3) and radians."""
+    members = labels > NOISE
+    normals, labels = normals[members], labels[members]
+    squared_sines = 1 - np.einsum("pd,pd->p", normals, axes[labels]) ** 2  # θ² where it matters
+    return np.bincount(labels, confidences[members] * np.exp(-squared_sines / (2 * sigma**2)), len(axes))
 
 
 def suppressed(normals: np.ndarray, confidences: np.ndarray, closeness: float) -> np.ndarray:

@@ -94,6 +94,8 @@ class DecodeSettings:
         eps_deg: predictions of normals closer than this are neighbours (DBSCAN).
         min_share: neighbours that make a core point, as a share of the points.
         cluster_points: points whose predictions are clustered; those of the others then join the nearest cluster.
+        agreement_deg: a prediction that is this far from its cluster's axis adds 0.6 of its confidence to the plane's,
+            which thus ranks planes that the points agree on before others.
         separation_deg: of two planes closer than this only the more confident one stays.
 
     Raises:
@@ -104,6 +106,7 @@ class DecodeSettings:
     eps_deg: float = 3.0
     min_share: float = 0.1
     cluster_points: int = 128
+    agreement_deg: float = 1.0
     separation_deg: float = 5.0
 
     def __post_init__(self):
@@ -111,6 +114,8 @@ class DecodeSettings:
             if not 0 <= getattr(self, name) <= most:
                 raise ValueError(f"decode.{name} is {getattr(self, name)}; it must be between 0 and {most:g}")
         _at_least(self, 1, "cluster_points")
+        if not self.agreement_deg > 0:
+            raise ValueError(f"decode.agreement_deg is {self.agreement_deg}; it must be positive")
 
 
 def _at_least(settings, least: int, *names: str) -> None:
