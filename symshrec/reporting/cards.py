@@ -9,7 +9,7 @@ from symshrec.reporting.results import LABELS, find_score, read_result
 from symshrec.reporting.typeset import Grid, Text, markdown
 
 BEGIN, END = "<!-- facts: written by experiments/cards.py -->", "<!-- end of facts -->"
-TRAINED = ("weights", "run", "network", "clouds seen", "epochs", "minutes", "on", "validation mAP", "sha256")
+TRAINED = ("weights", "run", "network", "clouds seen", "epochs", "minutes", "on", "started from", "sha256")
 
 
 def card_text(page: str, results: Path) -> str:
@@ -37,7 +37,6 @@ def trained_grid(everything: Iterable[Weights]) -> Grid:
     for weights in everything:
         training = weights.training
         machine = training["hardware"]
-        scores = training["validation"]
         row = (
             weights.name,
             training["name"],
@@ -46,7 +45,7 @@ def trained_grid(everything: Iterable[Weights]) -> Grid:
             f"{training['epochs']:.1f}",
             f"{training['seconds'] / 60:.0f}",
             machine["gpu"] or f"{machine['cpu']}, CPU",
-            f"{scores['val/mAP']:.3f}" if "val/mAP" in scores else "",
+            Path(start).parent.name if (start := training["settings"].get("train.init")) else "chance",
             weights.sha256[:12],
         )
         rows.append([Text(each) for each in row])
