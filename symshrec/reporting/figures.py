@@ -29,6 +29,7 @@ from symshrec.reporting.reliability import Reliability, reliability
 from symshrec.reporting.results import EPSILON, THETA_DEG
 from symshrec.reporting.sweep import sweep_curves, swept
 
+DASHES = ("-", "--", ":")
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")  # Okabe and Ito
 RECALLS = np.linspace(0, 1, 11)
 WHAT = {
@@ -123,8 +124,8 @@ def perturbations(names: Sequence[str], seed: int = 2023) -> Figure:
 
 def draw_precision_recall(ax: Axes, curves: dict[str, Sequence[float]]) -> None:
     """Interpolated precision at recall 0, 0.1 … 1, each curve (11,) labelled by its name."""
-    for (name, precision), colour in zip(curves.items(), _colours(len(curves)), strict=True):
-        ax.plot(RECALLS, precision, color=colour, marker="o", markersize=3.5, label=name)
+    for (name, precision), style in zip(curves.items(), _styles(len(curves)), strict=True):
+        ax.plot(RECALLS, precision, **style, marker="o", markersize=3.5, label=name)
     ax.set(xlabel="recall", ylabel="precision", xlim=(-0.01, 1.01), ylim=(0, 1.02))
     _finish(ax)
 
@@ -136,9 +137,10 @@ def precision_recall_figure(results: Sequence[dict]) -> Figure:
         for curve in result.get("precision_recall", []):
             if np.allclose([curve["theta_deg"], curve["epsilon"]], [THETA_DEG, EPSILON]):
                 curves[result["name"]] = curve["precision"]
-    figure = Figure(figsize=(5.4, 4.2), layout="constrained")
+    figure = Figure(figsize=(7.6, 4.4), layout="constrained")
     ax = figure.subplots()
     draw_precision_recall(ax, curves)
+    _legend_beside(ax)
     ax.set_title("Precision and recall at θ = 1°, ε = 1%", fontsize=11)
     return figure
 
@@ -166,24 +168,35 @@ def sweep_figure(results: Sequence[dict]) -> Figure:
 
 def reliability_figure(runs: Sequence[Reliability]) -> Figure:
     """Share of right planes over confidence for every run, and below it how many planes there are."""
-    figure = Figure(figsize=(5.4, 5.4), layout="constrained")
+    figure = Figure(figsize=(8.2, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     above.plot([0, 1], [0, 1], color="#999999", linewidth=0.8, linestyle=":")
-    for run, colour in zip(runs, _colours(len(runs)), strict=True):
+    for run, style in zip(runs, _styles(len(runs)), strict=True):
         filled = run.counts > 0
         label = f"{run.name} (mean gap {run.error:.3f})"
-        above.plot(run.confidences[filled], run.correct[filled], "o-", color=colour, markersize=4, label=label)
-        below.stairs(run.counts, np.linspace(0, 1, len(run.counts) + 1), color=colour)
+        above.plot(run.confidences[filled], run.correct[filled], **style, marker="o", markersize=4, label=label)
+        below.stairs(run.counts, np.linspace(0, 1, len(run.counts) + 1), **style)
     above.set(ylabel="share of right planes", xlim=(-0.01, 1.01), ylim=(-0.01, 1.02))
     above.set_title(f"Right at θ = {THETA_DEG:g}°, ε = {100 * EPSILON:g}%; dotted: as confident as right", fontsize=11)
     below.set(xlabel="confidence", ylabel="planes", yscale="symlog")
     for ax in (above, below):
         _finish(ax)
+    _legend_beside(above)
     return figure
 
 
 def _colours(count: int) -> list[str]:
     return [COLOURS[i % len(COLOURS)] for i in range(count)]
+
+
+def _styles(count: int) -> list[dict[str, str]]:
+    """A colour each, and another dash once the colours begin again."""
+    return [{"color": colour, "linestyle": DASHES[i // len(COLOURS) % 3]} for i, colour in enumerate(_colours(count))]
+
+
+def _legend_beside(ax: Axes) -> None:
+    """Where many curves leave no room between them."""
+    ax.legend(frameon=False, fontsize=9, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 def _finish(ax: Axes) -> None:
