@@ -22,7 +22,10 @@ def main(config: DictConfig) -> None:
     if folds:
         means = ", ".join(f"{name.removeprefix('val/')} {mean:.4f} ± {sd:.4f}" for name, (mean, sd) in spread.items())
         print(f"folds {', '.join(map(str, folds))}: {means}")
-    print(f"weights: {Path(config.train.folder) / WEIGHTS}, for method.weights=[…] of evaluate.py")
+    print(
+        f"weights: {Path(config.train.folder) / WEIGHTS}, for method.weights=[…] of evaluate.py "
+        "or for train.init=… of a training that starts from them"
+    )
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ from symshrec.methods.m2.settings import (
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import axis_angles
 from symshrec.reference import m2 as reference
+from tests.methods.likeness import assert_same_planes, stretched_cloud
 
 SMALL = NetworkSettings(points=48, groups=8, neighbours=8, width=24, depth=2, heads=2, planes=9, hidden=16)
 LOOSE = CleaningSettings(merge_rad=0.1, loss_limit=1e6)  # keeps whatever an untrained network says
@@ -42,27 +43,16 @@ def loaded(weights, **options):
     return M2(weights=weights, **{"cleaning": LOOSE} | options).eval()
 
 
-def cloud(count=300, seed=3):
-    return torch.from_numpy(np.random.default_rng(seed).normal(size=(count, 3)) * [1.0, 0.5, 0.2]).float()
-
-
-def assert_same(planes, expected, atol=1e-3):
-    assert len(planes) == len(expected) > 1
-    assert np.rad2deg(axis_angles(planes.normals, expected.normals).diagonal()).max() < 100 * atol
-    np.testing.assert_allclose(np.einsum("kd,kd->k", planes.points - expected.points, expected.normals), 0, atol=atol)
-    np.testing.assert_allclose(planes.confidences, expected.confidences, atol=atol)
-
-
 def test_planes_do_not_depend_on_order_and_move_with_the_cloud(weights):
-    method, points = loaded(weights[:1], confidence=Confidence.loss), cloud()
+    method, points = loaded(weights[:1], confidence=Confidence.loss), stretched_cloud()
     planes = method.detect(points)
-    assert_same(method.detect(points[torch.randperm(300)]), planes)
+    assert_same_planes(method.detect(points[torch.randperm(300)]), planes)
     moved = method.detect(3 * points + torch.tensor([1.0, -2, 0.5]))
-    assert_same(moved, planes.transformed(scale=3, translation=[1, -2, 0.5]), atol=1e-2)
+    assert_same_planes(moved, planes.transformed(scale=3, translation=[1, -2, 0.5]), atol=1e-2)
 
 
 def test_confidences_are_one_or_fall_with_the_loss_that_the_plain_version_gives(weights):
-    points = cloud(48)
+    points = stretched_cloud(48)
     sphere = UnitSphere.of(points[None]).apply(points[None])[0].double()
     published, graded = (loaded(weights[:1], confidence=each).detect(points) for each in Confidence)
     assert published.confidences.tolist() == [1.0] * len(published)
@@ -75,9 +65,9 @@ def test_confidences_are_one_or_fall_with_the_loss_that_the_plain_version_gives(
 
 
 def test_a_network_twice_answers_as_once_and_two_are_cleaned_together(weights):
-    points = cloud()
+    points = stretched_cloud()
     once = loaded(weights[:1]).detect(points)
-    assert_same(loaded([weights[0]] * 2).detect(points), once)
+    assert_same_planes(loaded([weights[0]] * 2).detect(points), once)
     both = loaded(weights, cleaning=replace(LOOSE, merge_rad=0.0)).detect(points)
     assert len(both) == 2 * SMALL.planes
 
@@ -120,7 +110,7 @@ def test_the_loss_teaches_planes_without_truth():
 
 
 def test_tiny_clouds_work(weights):
-    for points in (torch.zeros(1, 3), torch.ones(5, 3), cloud(3)):
+    for points in (torch.zeros(1, 3), torch.ones(5, 3), stretched_cloud(3)):
         planes = loaded(weights[:1]).detect(points)
         assert np.isfinite(planes.points).all()
 
@@ -134,7 +124,7 @@ def test_weights_bring_their_network(weights, tmp_path):
     with pytest.raises(WeightsError, match="holds weights of m1, not of m2 or m2_pretrain"):
         M2(SMALL).start_from(str(tmp_path / "m1.safetensors"))
     with pytest.raises(ValueError, match=r"m2 has no weights; name some with method\.weights, or train it first"):
-        M2(SMALL).detect(cloud())
+        M2(SMALL).detect(stretched_cloud())
 
 
 def test_a_training_goes_on_from_an_earlier_one(weights):
