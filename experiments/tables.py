@@ -3,6 +3,7 @@
 P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any."""
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from omegaconf import DictConfig
@@ -28,7 +29,8 @@ def tables(config: DictConfig) -> None:
             f"no metrics.json in {', '.join(str(runs / name) for name in config.tables)}; "
             f"python experiments/evaluate.py --multirun sweep=tables data={config.data.name} makes them"
         )
-    hard, so3 = (_finished(config, other) for other in (config.data.hard, f"{config.data.name}-so3"))
+    hard = _finished(config, config.data.hard)
+    so3 = _finished(config, f"{config.data.name}-so3", config.tables_so3)
     finished = list(main.values())
     written, text = write_tables(finished, results, hard=list(hard.values()), so3=list(so3.values()))
     print(text)
@@ -43,10 +45,10 @@ def tables(config: DictConfig) -> None:
         print(f"not run, so left out: {', '.join(missing)}")
 
 
-def _finished(config: DictConfig, data: str) -> dict[str, dict]:
-    """The results of the runs on some data that have ended, by folder, kept in results/<data>/ too."""
+def _finished(config: DictConfig, data: str, names: Sequence[str] | None = None) -> dict[str, dict]:
+    """The results of those runs on some data that have ended, by folder, kept in results/<data>/ too."""
     finished = {}
-    for name in config.tables:
+    for name in names or config.tables:
         folder, kept = Path(config.paths.runs) / data / name, Path(config.paths.results) / data / name
         if (folder / "metrics.json").exists():
             kept.mkdir(parents=True, exist_ok=True)

@@ -219,6 +219,7 @@ class Config:
     title: str = "${run.title}${when:${method.refine},' + refine'}"
     folder: str = MISSING
     tables: list[str] = field(default_factory=list)
+    tables_so3: list[str] = field(default_factory=list)
 
 
 METHODS = {"m1": M1Config, "m2": M2Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}

@@ -17,7 +17,7 @@ from symshrec.methods.truth import Truth
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
 RUNS = {
-    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5"),
+    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r6", "r4_so3"),
     "m2": ("m2", "m2_cpu", "published", "confidence", "pretrain"),
     "m4": ("m4", "sharp", "fast"),
     "truth": ("truth", "near", "exact"),
@@ -29,8 +29,9 @@ for file in FILES:
     if file.stem != "pretrain" and (file.stem in RUNS["m2"] or file.stem.startswith("m2")):
         NEEDS[str(file.with_suffix(""))] = [*NEEDS.get(str(file.with_suffix("")), []), UNTRAINED]
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
-REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m2_confidence")
+REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m1_r6", "m2_confidence")
 ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
+SO3_ROWS = ("m1_r4", "m1_r4_so3", "m3_r1", "m4", "m1_r4_so3_refine")
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)
@@ -70,8 +71,10 @@ def test_a_refined_run_has_a_name_and_a_row_of_its_own(overrides):
 
 def test_the_rows_of_the_tables_are_runs_of_experiments_scored_at_both_tolerances():
     rows = [load([f"experiment={name}"]) for name in ROWS]
+    turned = [load([f"experiment={name}", "pose=so3"]) for name in SO3_ROWS]
     assert [row.name for row in rows] == list(rows[0].tables)
-    for row in rows:
+    assert [row.name for row in turned] == list(rows[0].tables_so3)
+    for row in rows + turned:
         assert (list(row.tolerance.thetas_deg), list(row.tolerance.epsilons)) == ([1.0, 0.1], [0.01, 0.001])
     assert len(load(["experiment=m3_r1", "tolerance=sweep"]).tolerance.epsilons) == 10
 
