@@ -46,7 +46,7 @@ def _timings(workers: int) -> Iterator[Timing]:
     clouds = benchmark_clouds(benchmark)
     yield from method_timings(m3, m4, fast, clouds)
     yield from m1_timings(method_of(load(["experiment=m1_r4"])), clouds)
-    yield from m2_timings(method_of(load(["method=m2_cpu", "method.weights=[]"])), clouds)
+    yield from m2_timings(method_of(load(["method=m2"])), clouds)
 
 
 if __name__ == "__main__":

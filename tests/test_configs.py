@@ -24,10 +24,6 @@ RUNS = {
 }  # of which method; the others are m3's
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
 NEEDS |= {f"data/{name}": ["data.root=somewhere"] for name in ("official", "clouds")}
-UNTRAINED = "method.weights=[]"  # no weights of M2 are shipped
-for file in FILES:
-    if file.stem != "pretrain" and (file.stem in RUNS["m2"] or file.stem.startswith("m2")):
-        NEEDS[str(file.with_suffix(""))] = [*NEEDS.get(str(file.with_suffix("")), []), UNTRAINED]
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
 REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m1_r6", "m2_confidence")
 ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")

@@ -61,7 +61,7 @@ def test_confidences_are_one_or_fall_with_the_loss_that_the_plain_version_gives(
     heights = torch.from_numpy(np.einsum("kd,kd->k", graded.points - points.mean(0).numpy(), graded.normals))
     offsets = -heights / (points - points.mean(0)).norm(dim=1).max()
     losses = reference.mirrored_chamfer(sphere, torch.from_numpy(graded.normals), offsets)
-    np.testing.assert_allclose(graded.confidences, 1 / (1 + losses.numpy() / LOOSE.loss_limit), rtol=1e-6)
+    np.testing.assert_allclose(graded.confidences, 1 / (1 + losses.numpy() / LOOSE.limit_at(48)), rtol=1e-6)
 
 
 def test_a_network_twice_answers_as_once_and_two_are_cleaned_together(weights):

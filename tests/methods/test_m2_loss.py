@@ -74,12 +74,12 @@ def test_chamfer_and_regularisation_keep_full_precision_under_autocast():
         assert torch.equal(symmetry_loss(points, *unit_planes(raw), 17.0).total, expected)
 
 
-@pytest.fixture(scope="module")
-def petals():
-    """A clean generated petal cone as M2 sees it, and the normals of its true planes."""
+@pytest.fixture(scope="module", params=[256, 1024])
+def petals(request):
+    """A clean generated petal cone of so many points as M2 sees it, and the normals of its true planes."""
     shape = draw_shape("geometric_petal", np.random.default_rng(3), BenchmarkConfig())
     points = torch.from_numpy(shape.points).float()
-    points = points[farthest_point_sampling(points, torch.tensor([len(points)]), 1024)[0]]
+    points = points[farthest_point_sampling(points, torch.tensor([len(points)]), request.param)[0]]
     points = points - points.mean(0)
     return points / points.norm(dim=1).max(), torch.from_numpy(shape.planes.normals).float()
 
@@ -95,7 +95,7 @@ def test_a_true_plane_costs_less_than_the_limit_and_a_wrong_one_much_more(petals
     true = through_centre(points, normals)
     near = through_centre(points, normals * angle.cos() + aside * angle.sin())
     wrong = through_centre(points, hemisphere(27)).median()
-    limit = CleaningSettings().loss_limit
+    limit = CleaningSettings().limit_at(len(points))
     assert true.max() < limit < 2 * limit < wrong
     assert (near > 1.5 * true).all()
 

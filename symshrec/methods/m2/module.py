@@ -94,6 +94,7 @@ class M2(LearnedMethod):
 
     def _cleaned(self, normals, offsets, losses) -> Planes:
         """The planes that cleaning leaves of one cloud, on the sphere, from arrays (H, 3), (H,) and (H,)."""
-        kept = clean(normals, losses, self.cleaning)
-        sure = confidences(losses[kept], self.confidence, self.cleaning.loss_limit)
+        cleaning = replace(self.cleaning, loss_limit=self.cleaning.limit_at(self.points))
+        kept = clean(normals, losses, cleaning)
+        sure = confidences(losses[kept], self.confidence, cleaning.loss_limit)
         return Planes(normals[kept], -offsets[kept, None] * normals[kept], sure)
