@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import torch
 from torch import Tensor, nn
 
@@ -83,7 +84,10 @@ class M2(LearnedMethod):
         return {"symmetry": found.symmetry, "regularisation": found.regularisation, "loss": found.total}
 
     def detect_sampled(self, points: Tensor) -> list[Planes]:
-        """The planes of clouds (B, N, 3) of N sampled points, in ascending order of their loss."""
+        """The planes of clouds (B, N, 3) of N sampled points: by ascending loss, or, without confidences, by head.
+
+        Scoring takes equal confidences in the order given; the loss must not tell them apart by the back door.
+        """
         frame = UnitSphere.of(points)
         seen = frame.apply(points)
         said = [network(seen) for network in self.networks]
@@ -96,5 +100,7 @@ class M2(LearnedMethod):
         """The planes that cleaning leaves of one cloud, on the sphere, from arrays (H, 3), (H,) and (H,)."""
         cleaning = replace(self.cleaning, loss_limit=self.cleaning.limit_at(self.points))
         kept = clean(normals, losses, cleaning)
+        if self.confidence is Confidence.none:
+            kept = np.sort(kept)
         sure = confidences(losses[kept], self.confidence, cleaning.loss_limit)
         return Planes(normals[kept], -offsets[kept, None] * normals[kept], sure)

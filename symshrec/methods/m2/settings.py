@@ -12,7 +12,8 @@ PUBLISHED_POINTS = 1024  # of the clouds that the published limit is for
 class Confidence(Enum):
     """How sure a kept plane is, of which the paper says nothing.
 
-    none: 1, which the track entered for methods without a confidence. loss: 1 / (1 + loss / loss_limit).
+    none: 1, which the track entered for methods without a confidence; the planes then come in the order of their heads.
+    loss: 1 / (1 + loss / loss_limit); the planes come by it.
     """
 
     none = "none"
