@@ -1,9 +1,13 @@
-"""What the tests of methods share: a cloud for the asking, and when two lists of planes are the same."""
+"""What the tests of methods share: weights of untrained networks, a cloud, and what its planes must not depend on."""
+
+from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from symshrec.methods.learned import LearnedMethod, plain_settings
+from symshrec.methods.weights import write_weights
 from symshrec.planes import Planes, axis_angles
 
 
@@ -19,3 +23,23 @@ def assert_same_planes(planes: Planes, expected: Planes, atol: float = 1e-3) -> 
     gaps = np.einsum("kd,kd->k", planes.points - expected.points, expected.normals)
     np.testing.assert_allclose(gaps, 0, atol=atol)
     np.testing.assert_allclose(planes.confidences, expected.confidences, atol=atol)
+
+
+def assert_blind_to_order_and_moving_with_the_cloud(method: LearnedMethod) -> None:
+    """The same planes for the points in another order, and the moved planes for the moved and scaled cloud."""
+    points = stretched_cloud()
+    planes = method.detect(points)
+    assert_same_planes(method.detect(points[torch.randperm(len(points))]), planes)
+    moved = method.detect(3 * points + torch.tensor([1.0, -2, 0.5]))
+    assert_same_planes(moved, planes.transformed(scale=3, translation=[1, -2, 0.5]), atol=1e-2)
+
+
+def untrained_weights(folder: Path, method: str, network_of, settings) -> list[str]:
+    """Two files of weights of `network_of(settings)`, as chance made them."""
+    files = [str(folder / f"{seed}.safetensors") for seed in (0, 1)]
+    for seed, file in enumerate(files):
+        torch.manual_seed(seed)
+        network = network_of(settings)
+        network.train()(torch.randn(64, settings.points, 3))  # gives the norms their statistics
+        write_weights(Path(file), method, plain_settings(settings), {"epochs": 0}, network.state_dict())
+    return files

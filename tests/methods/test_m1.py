@@ -13,21 +13,19 @@ from symshrec.methods.m1.network import M1Network
 from symshrec.methods.m1.settings import DecodeSettings, LossSettings, NetworkSettings, VectorForm
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import Planes, axis_angles
-from tests.methods.likeness import assert_same_planes, stretched_cloud
+from tests.methods.likeness import (
+    assert_blind_to_order_and_moving_with_the_cloud,
+    assert_same_planes,
+    stretched_cloud,
+    untrained_weights,
+)
 
 SMALL = NetworkSettings(points=48, channels=16, layers=2, features=32, hidden=(24, 16), planes=4)
 
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory):
-    """Two files of weights of the small network, as chance made them."""
-    folder = tmp_path_factory.mktemp("weights")
-    for seed in (0, 1):
-        torch.manual_seed(seed)
-        network = M1Network(SMALL)
-        network.train()(torch.randn(64, 48, 3))  # gives the norms their statistics
-        write_weights(folder / f"{seed}.safetensors", "m1", plain_settings(SMALL), {"epochs": 0}, network.state_dict())
-    return [str(folder / f"{seed}.safetensors") for seed in (0, 1)]
+    return untrained_weights(tmp_path_factory.mktemp("weights"), "m1", M1Network, SMALL)
 
 
 def loose(weights):
@@ -36,11 +34,7 @@ def loose(weights):
 
 
 def test_planes_do_not_depend_on_order_and_move_with_the_cloud(weights):
-    method, points = loose(weights[:1]), stretched_cloud()
-    planes = method.detect(points)
-    assert_same_planes(method.detect(points[torch.randperm(300)]), planes)
-    moved = method.detect(3 * points + torch.tensor([1.0, -2, 0.5]))
-    assert_same_planes(moved, planes.transformed(scale=3, translation=[1, -2, 0.5]), atol=1e-2)
+    assert_blind_to_order_and_moving_with_the_cloud(loose(weights[:1]))
 
 
 def test_a_network_twice_answers_as_once(weights):

@@ -21,7 +21,12 @@ from symshrec.methods.m2.settings import (
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import axis_angles
 from symshrec.reference import m2 as reference
-from tests.methods.likeness import assert_same_planes, stretched_cloud
+from tests.methods.likeness import (
+    assert_blind_to_order_and_moving_with_the_cloud,
+    assert_same_planes,
+    stretched_cloud,
+    untrained_weights,
+)
 
 SMALL = NetworkSettings(points=48, groups=8, neighbours=8, width=24, depth=2, heads=2, planes=9, hidden=16)
 LOOSE = CleaningSettings(merge_rad=0.1, loss_limit=1e6)  # keeps whatever an untrained network says
@@ -29,14 +34,7 @@ LOOSE = CleaningSettings(merge_rad=0.1, loss_limit=1e6)  # keeps whatever an unt
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory):
-    """Two files of weights of the small network, as chance made them."""
-    folder = tmp_path_factory.mktemp("weights")
-    for seed in (0, 1):
-        torch.manual_seed(seed)
-        network = M2Network(SMALL)
-        network.train()(torch.randn(64, 48, 3))  # gives the norms their statistics
-        write_weights(folder / f"{seed}.safetensors", "m2", plain_settings(SMALL), {"epochs": 0}, network.state_dict())
-    return [str(folder / f"{seed}.safetensors") for seed in (0, 1)]
+    return untrained_weights(tmp_path_factory.mktemp("weights"), "m2", M2Network, SMALL)
 
 
 def loaded(weights, **options):
@@ -44,11 +42,7 @@ def loaded(weights, **options):
 
 
 def test_planes_do_not_depend_on_order_and_move_with_the_cloud(weights):
-    method, points = loaded(weights[:1], confidence=Confidence.loss), stretched_cloud()
-    planes = method.detect(points)
-    assert_same_planes(method.detect(points[torch.randperm(300)]), planes)
-    moved = method.detect(3 * points + torch.tensor([1.0, -2, 0.5]))
-    assert_same_planes(moved, planes.transformed(scale=3, translation=[1, -2, 0.5]), atol=1e-2)
+    assert_blind_to_order_and_moving_with_the_cloud(loaded(weights[:1], confidence=Confidence.loss))
 
 
 def test_confidences_are_one_or_fall_with_the_loss_that_the_plain_version_gives(weights):
