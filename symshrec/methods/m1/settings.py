@@ -1,6 +1,6 @@
 """§3.1 What can be chosen about M1. No torch here: the schema of conf/ is made of these."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 
 
@@ -119,6 +119,8 @@ class DecodeSettings:
 
 
 def _at_least(settings, least: int, *names: str) -> None:
+    known = {field.name for field in fields(settings)}
     for name in names:
+        assert name in known
         if getattr(settings, name) < least:
             raise ValueError(f"{name} is {getattr(settings, name)}; it must be at least {least}")
