@@ -17,7 +17,7 @@ from symshrec.methods.truth import Truth
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
 RUNS = {
-    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r6", "r4_so3"),
+    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r4_so3"),
     "m2": ("m2", "m2_cpu", "published", "confidence", "pretrain"),
     "m4": ("m4", "sharp", "fast"),
     "truth": ("truth", "near", "exact"),
@@ -25,7 +25,7 @@ RUNS = {
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
 NEEDS |= {f"data/{name}": ["data.root=somewhere"] for name in ("official", "clouds")}
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
-REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m1_r6", "m2_confidence")
+REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m2_confidence")
 ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
 SO3_ROWS = ("m1_r4", "m1_r4_so3", "m3_r1", "m4", "m1_r4_so3_refine")
 

@@ -52,7 +52,17 @@ def test_converges_to_the_true_planes(angle_deg, distance, noise):
     assert angle < 0.2
     assert gap < 0.01
     assert not refined.kept.any()
-    np.testing.assert_array_equal(refined.planes.confidences, truth().confidences)
+    assert refined.fit.max() == 1
+    assert refined.fit.min() > 0.9
+    np.testing.assert_array_equal(refined.planes.confidences, truth().confidences * refined.fit)
+
+
+def test_a_plane_that_fits_much_worse_than_the_best_loses_its_confidence():
+    between = np.deg2rad(30)  # halfway between two true planes, where a curve of odd symmetry is least like itself
+    normals = np.vstack([truth().normals, [-np.sin(between), np.cos(between), 0.0]])
+    given = Planes(normals, np.tile([5.0, 0.0, 0.0], (4, 1)), np.array([0.5, 0.5, 0.5, 0.99]))
+    refined = refine_planes(wavy_cone(), given)
+    assert refined.planes.confidences[3] < 0.1 < refined.planes.confidences[:3].min()
 
 
 def test_an_exact_plane_stays_where_it_is():
