@@ -9,7 +9,9 @@ from symshrec.reporting.results import LABELS, find_score, read_result
 from symshrec.reporting.typeset import Grid, Text, markdown
 
 BEGIN, END = "<!-- facts: written by experiments/cards.py -->", "<!-- end of facts -->"
+PRETRAINING = ("m2_quarter", "m2_quarter_scratch", "m2_published", "m2_scratch")  # runs of results/paper/, in pairs
 TRAINED = ("weights", "run", "network", "clouds seen", "epochs", "minutes", "on", "started from", "sha256")
+HEADER = ("run", *(f"{LABELS.get(metric, metric)} ↑" for metric in METRICS))
 
 
 def card_text(page: str, results: Path) -> str:
@@ -27,7 +29,8 @@ def card_text(page: str, results: Path) -> str:
     before, _, rest = page.partition(BEGIN)
     _, _, after = rest.partition(END)
     everything = [read_weights(name) for name in shipped()]
-    tables = [markdown(trained_grid(everything)), *map(markdown, tested_grids(everything, results))]
+    grids = [trained_grid(everything), *pretraining_grids(results / "paper"), *tested_grids(everything, results)]
+    tables = map(markdown, grids)
     return "\n".join([f"{before}{BEGIN}", "", *tables, f"{END}{after}"])
 
 
@@ -55,16 +58,23 @@ def trained_grid(everything: Iterable[Weights]) -> Grid:
 def tested_grids(everything: Iterable[Weights], results: Path) -> Iterator[Grid]:
     """The scores of all runs with these very weights, one grid for every data set."""
     hashes = {weights.sha256 for weights in everything}
-    header = ("run", *(f"{LABELS.get(metric, metric)} ↑" for metric in METRICS))
     for folder in sorted(path for path in results.iterdir() if path.is_dir()):
-        rows = []
-        for path in sorted(folder.glob("*/metrics.json")):
-            result = read_result(path)
-            if hashes & {used["sha256"] for used in result.get("weights") or ()}:
-                values = [find_score(result, metric, "all") for metric in METRICS]
-                rows.append([Text(result["name"]), *(Text(f"{value:.4f}") for value in values)])
-        if rows:
-            yield Grid(f"Tested on {folder.name} at 1° and 1 %", header, rows)
+        found = [read_result(path) for path in sorted(folder.glob("*/metrics.json"))]
+        found = [each for each in found if hashes & {used["sha256"] for used in each.get("weights") or ()}]
+        if found:
+            yield Grid(f"Tested on {folder.name} at 1° and 1 %", HEADER, [_scores(each) for each in found])
+
+
+def pretraining_grids(results: Path) -> Iterator[Grid]:
+    """M2 from its pre-trained encoder and from chance, for little training and for more, where that was tested."""
+    files = [results / name / "metrics.json" for name in PRETRAINING]
+    if all(file.exists() for file in files):
+        rows = [_scores(read_result(file)) for file in files]
+        yield Grid("What pre-training is worth to M2, on paper at 1° and 1 %", HEADER, rows)
+
+
+def _scores(result: dict) -> list[Text]:
+    return [Text(result["name"]), *(Text(f"{find_score(result, metric, 'all'):.4f}") for metric in METRICS)]
 
 
 def _plain(value: object) -> str:
