@@ -29,6 +29,7 @@ def tables(config: DictConfig) -> None:
             f"no metrics.json in {', '.join(str(runs / name) for name in config.tables)}; "
             f"python experiments/evaluate.py --multirun sweep=tables data={config.data.name} makes them"
         )
+    _finished(config, data, config.cards)
     hard = _finished(config, config.data.hard)
     so3 = _finished(config, f"{config.data.name}-so3", config.tables_so3)
     finished = list(main.values())

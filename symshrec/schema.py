@@ -220,6 +220,7 @@ class Config:
     folder: str = MISSING
     tables: list[str] = field(default_factory=list)
     tables_so3: list[str] = field(default_factory=list)
+    cards: list[str] = field(default_factory=list)
 
 
 METHODS = {"m1": M1Config, "m2": M2Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}
