@@ -9,6 +9,7 @@ from symshrec.reporting.results import LABELS, find_score, read_result
 from symshrec.reporting.typeset import Grid, Text, markdown
 
 BEGIN, END = "<!-- facts: written by experiments/cards.py -->", "<!-- end of facts -->"
+FULL = ("paper", "paper-so3", "hard")  # folders of results/
 PRETRAINING = ("m2_quarter", "m2_quarter_scratch", "m2_published", "m2_scratch")  # runs of results/paper/, in pairs
 TRAINED = ("weights", "run", "network", "clouds seen", "epochs", "minutes", "on", "started from", "sha256")
 HEADER = ("run", *(f"{LABELS.get(metric, metric)} ↑" for metric in METRICS))
@@ -56,9 +57,10 @@ def trained_grid(everything: Iterable[Weights]) -> Grid:
 
 
 def tested_grids(everything: Iterable[Weights], results: Path) -> Iterator[Grid]:
-    """The scores of all runs with these very weights, one grid for every data set."""
+    """The scores of all runs with these very weights on data of full size, one grid for each: `make tables` writes the
+    others anew."""
     hashes = {weights.sha256 for weights in everything}
-    for folder in sorted(path for path in results.iterdir() if path.is_dir()):
+    for folder in (results / name for name in FULL):
         found = [read_result(path) for path in sorted(folder.glob("*/metrics.json"))]
         found = [each for each in found if hashes & {used["sha256"] for used in each.get("weights") or ()}]
         if found:
