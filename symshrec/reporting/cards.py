@@ -10,7 +10,7 @@ from symshrec.reporting.typeset import Grid, Text, markdown
 
 BEGIN, END = "<!-- facts: written by experiments/cards.py -->", "<!-- end of facts -->"
 FULL = ("paper", "paper-so3", "hard")  # folders of results/
-PRETRAINING = ("m2_quarter", "m2_quarter_scratch", "m2_published", "m2_scratch")  # runs of results/paper/, in pairs
+PRETRAINING = ("m2_third", "m2_third_scratch", "m2_published", "m2_scratch")  # runs of results/paper/, in pairs
 TRAINED = ("weights", "run", "network", "clouds seen", "epochs", "minutes", "on", "started from", "sha256")
 HEADER = ("run", *(f"{LABELS.get(metric, metric)} ↑" for metric in METRICS))
 
