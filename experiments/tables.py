@@ -23,14 +23,14 @@ def tables(config: DictConfig) -> None:
     """Read the runs that `tables` names, write results/<data>/, print what was written and what has not run."""
     data = f"{config.data.name}{config.data.variant}"
     runs, results = Path(config.paths.runs) / data, Path(config.paths.results) / data
-    main = _finished(config, data)
+    main = _finished(config, data, config.tables)
     if not main:
         raise ValueError(
             f"no metrics.json in {', '.join(str(runs / name) for name in config.tables)}; "
             f"python experiments/evaluate.py --multirun sweep=tables data={config.data.name} makes them"
         )
-    _finished(config, data, config.cards)
-    hard = _finished(config, config.data.hard)
+    _finished(config, data, config.cards)  # kept, and in no table
+    hard = _finished(config, config.data.hard, config.tables)
     so3 = _finished(config, f"{config.data.name}-so3", config.tables_so3)
     finished = list(main.values())
     written, text = write_tables(finished, results, hard=list(hard.values()), so3=list(so3.values()))
@@ -46,10 +46,10 @@ def tables(config: DictConfig) -> None:
         print(f"not run, so left out: {', '.join(missing)}")
 
 
-def _finished(config: DictConfig, data: str, names: Sequence[str] | None = None) -> dict[str, dict]:
+def _finished(config: DictConfig, data: str, names: Sequence[str]) -> dict[str, dict]:
     """The results of those runs on some data that have ended, by folder, kept in results/<data>/ too."""
     finished = {}
-    for name in names or config.tables:
+    for name in names:
         folder, kept = Path(config.paths.runs) / data / name, Path(config.paths.results) / data / name
         if (folder / "metrics.json").exists():
             kept.mkdir(parents=True, exist_ok=True)
