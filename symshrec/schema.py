@@ -154,7 +154,10 @@ class TrainConfig:
 
     epochs: over the training folds. batch_size: clouds a step, on each device. steps_per_round: between checkpoints;
     a killed run loses no more. validate_every: rounds. init: weights to start from. rotate: turn every cloud anew each
-    time it comes, uniformly over SO(3). max_minutes: stop after the round in which they pass; the same command goes on.
+    time it comes, uniformly over SO(3). precision: Lightning's, or `auto`, which takes bfloat16 where the processor is
+    made for it. cooldown: so many epochs branch off from the last checkpoint of a training with a constant learning
+    rate and bring that to zero, in a folder of their own; the training can go on afterwards. max_minutes: stop after
+    the round in which they pass; the same command goes on.
     """
 
     epochs: float = 1.0
@@ -162,10 +165,11 @@ class TrainConfig:
     steps_per_round: int = 500
     validate_every: int = 5
     optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
-    precision: str = "bf16-mixed"
+    precision: str = "auto"
     compile: bool = False
     rotate: bool = False
     init: str | None = None
+    cooldown: float | None = None
     max_minutes: float | None = None
     clouds_shown: int = 4
     folder: str = "${paths.runs}/${data.name}${data.variant}/training/${name}${when:${data.fold},_fold${data.fold}}"

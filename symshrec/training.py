@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import torch
 from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
@@ -20,7 +21,7 @@ from symshrec.detection import method_of
 from symshrec.evaluation import datamodule_of
 from symshrec.loading import SamplingKind
 from symshrec.methods.learned import LearnedMethod, plain_settings
-from symshrec.methods.optimiser import OptimiserSettings
+from symshrec.methods.optimiser import Schedule
 from symshrec.methods.weights import write_weights
 from symshrec.provenance import code_version, hardware, peak_memory_mib
 from symshrec.reporting.tensorboard import TensorBoardTraining
@@ -46,6 +47,7 @@ NO_INFLUENCE = (  # beginnings of keys
     "train.clouds_shown",
     "train.folder",
     "train.max_minutes",
+    "train.precision",
     "train.validate_every",
     "trainer.enable_progress_bar",
     "trainer.max_epochs",
@@ -69,10 +71,11 @@ def train(config: DictConfig) -> dict | None:
         raise ValueError(f"method={config.method.name} has nothing to train")
     config = config.copy()
     config.method.weights = []
+    config.train.precision = chosen_precision(config.train.precision, config.trainer.accelerator)
     if config.data.sampling.kind is SamplingKind.none:  # the network draws its points itself, but not in every epoch
         config.data.sampling.kind = SamplingKind.farthest
         config.data.sampling.points = config.method.network.points
-    folder = Path(config.train.folder)
+    folder = Path(config.train.folder) if config.train.cooldown is None else branch_off(config)
     settings = decisive_settings(config)
     _refuse_others(folder, settings)
     finished = _read(folder / RECORD)
@@ -81,7 +84,7 @@ def train(config: DictConfig) -> dict | None:
         return finished
     seed_everything(config.seed, workers=True, verbose=False)
     method, data = method_of(config), datamodule_of(config)
-    rounds = _prepare(config, method, data)
+    rounds, before = _prepare(config, method, data, folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / SETTINGS, (json.dumps(settings, indent=1) + "\n").encode())
     progress, last = Progress(config.train.max_minutes), folder / CHECKPOINT
@@ -90,7 +93,7 @@ def train(config: DictConfig) -> dict | None:
     if trainer.current_epoch < rounds:
         log.info("stopped after round %d of %d; the same command goes on", trainer.current_epoch, rounds)
         return None
-    result = _record(config, method, data, trainer, progress, settings)
+    result = _record(config, method, data, trainer, progress, settings, before)
     if not trainer.is_global_zero:
         return None
     weights, network = folder / WEIGHTS, method.networks[0]
@@ -98,6 +101,46 @@ def train(config: DictConfig) -> dict | None:
     result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
     write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
     return result
+
+
+def chosen_precision(asked: str, accelerator: str) -> str:
+    """`asked`, or for `auto` what the device is made for: bfloat16 on GPUs and on CPUs with instructions for it.
+
+    Without them, as on processors with AVX2 alone, PyTorch's bfloat16 products are tens of times slower than float32.
+    """
+    if asked != "auto":
+        return asked
+    pays = accelerator != "cpu" or torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    return "bf16-mixed" if pays else "32-true"
+
+
+def branch_off(config: DictConfig) -> Path:
+    """The folder of a cool-down from the training in `train.folder`: one begun and unfinished, or a new one that starts
+    with the training's last checkpoint.
+
+    Raises:
+        ValueError: where there is no checkpoint yet, or the learning rate is not constant.
+    """
+    trunk = Path(config.train.folder)
+    if config.train.optimiser.schedule is not Schedule.constant:
+        raise ValueError("train.cooldown is for train.optimiser.schedule=constant; a cosine ends by itself")
+    if not config.train.cooldown > 0:
+        raise ValueError(f"train.cooldown is {config.train.cooldown}; it must be a positive number of epochs")
+    for branch in sorted(trunk.glob("cooldown_*")):
+        if not (branch / RECORD).exists() and (branch / CHECKPOINT).exists():
+            return branch
+    if not (trunk / CHECKPOINT).exists():
+        raise ValueError(f"{trunk / CHECKPOINT} does not exist; train first, without train.cooldown")
+    branch = trunk / f"cooldown_{_steps_done(trunk) // config.train.steps_per_round:05d}"
+    branch.mkdir(exist_ok=True)
+    if not (branch / CHECKPOINT).exists():
+        write_atomically(branch / CHECKPOINT, (trunk / CHECKPOINT).read_bytes())
+    return branch
+
+
+def _steps_done(folder: Path) -> int:
+    """Steps that the checkpoint in a training's folder has behind it."""
+    return torch.load(folder / CHECKPOINT, map_location="cpu", weights_only=True)["global_step"]
 
 
 def decisive_settings(config: DictConfig) -> dict[str, object]:
@@ -128,18 +171,33 @@ def _refuse_others(folder: Path, settings: dict[str, object]) -> None:
     )
 
 
-def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule) -> int:
-    """Tell the method how it learns and give it what it starts from; returns the rounds of the training."""
+def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule, folder: Path) -> tuple[int, dict]:
+    """Give the method its schedule and what it starts from; returns the rounds of the training, and what is known of
+    the training that it goes on from, empty where it starts from chance."""
     settings = config.train
-    steps = math.ceil(settings.epochs * data.training_clouds() / (settings.batch_size * config.trainer.devices))
-    rounds = math.ceil(steps / settings.steps_per_round)
-    optimiser = OptimiserSettings(**OmegaConf.to_container(settings.optimiser, resolve=True))
-    method.learn_by(optimiser, rounds * settings.steps_per_round, config.seed, settings.rotate)
+    epochs = settings.epochs if settings.cooldown is None else settings.cooldown
+    steps = math.ceil(epochs * data.training_clouds() / (settings.batch_size * config.trainer.devices))
+    rounds, start = math.ceil(steps / settings.steps_per_round), None
+    if settings.cooldown is not None:
+        begun = int(folder.name.removeprefix("cooldown_"))
+        rounds, start = rounds + begun, begun * settings.steps_per_round
+    optimiser = OmegaConf.to_object(settings.optimiser)
+    method.learn_by(optimiser, rounds * settings.steps_per_round, config.seed, settings.rotate, start)
+    before = {}
     if settings.init:
-        method.start_from(settings.init)
+        weights = method.start_from(settings.init)
+        earlier = weights.training.get("before", {})
+        before = {
+            "weights": weights.name if not weights.name.endswith(".safetensors") else Path(weights.name).name,
+            "sha256": weights.sha256,
+            "data": weights.training["data"],
+            "clouds": weights.training["clouds"] + earlier.get("clouds", 0),
+            "epochs": round(weights.training["epochs"] + earlier.get("epochs", 0), 3),
+            "seconds": weights.training["seconds"] + earlier.get("seconds", 0),
+        }
     if settings.compile:
         method.networks[0].compile()
-    return rounds
+    return rounds, before
 
 
 class Progress(Callback):
@@ -181,6 +239,7 @@ class Progress(Callback):
 def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) -> Trainer:
     warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
     warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
+    warnings.filterwarnings("ignore", message="The dirpath has changed")  # a cool-down goes on in its own folder
     warnings.filterwarnings("ignore", message="Checkpoint directory .* exists and is not empty")
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     settings = config.train
@@ -207,7 +266,9 @@ def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) 
     )
 
 
-def _record(config, method: LearnedMethod, data, trainer: Trainer, progress: Progress, settings: dict) -> dict:
+def _record(
+    config, method: LearnedMethod, data, trainer: Trainer, progress: Progress, settings: dict, before: dict
+) -> dict:
     """How the weights came about, and what the validating fold says of them."""
     trainer.validate(method, datamodule=data, verbose=False)
     split = data.split("train")
@@ -226,7 +287,9 @@ def _record(config, method: LearnedMethod, data, trainer: Trainer, progress: Pro
         "validation": {name: round(value, 5) for name, value in scores.items()},
         "validation_clouds": len(data.datasets["val"]),
         "seed": config.seed,
+        **({"before": before} if before else {}),
         "settings": settings,
+        "precision": config.train.precision,
         "hardware": hardware(),
         "peak_memory_mib": peak_memory_mib(),
         "code": code_version(),

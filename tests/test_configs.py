@@ -17,7 +17,7 @@ from symshrec.methods.truth import Truth
 ROOT = Path(__file__).parents[1]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
 RUNS = {
-    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r4_so3"),
+    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r4_so3", "r1_plus", "r2_plus"),
     "m2": ("m2", "m2_cpu", "published", "confidence", "pretrain"),
     "m4": ("m4", "sharp", "fast"),
     "truth": ("truth", "near", "exact"),

@@ -20,7 +20,7 @@ from symshrec.methods.learned import restored_settings
 from symshrec.methods.m2.module import M2
 from symshrec.methods.m2.settings import NetworkSettings
 from symshrec.methods.weights import WeightsError, read_weights
-from symshrec.training import train
+from symshrec.training import chosen_precision, train
 
 ROOT = Path(__file__).parents[1]
 TINY_M1 = [
@@ -112,6 +112,30 @@ def test_killed_at_any_moment_a_training_ends_with_the_same_weights(tiny, smoke_
     assert_equal_weights(whole, killed)
 
 
+def test_a_cool_down_branches_off_and_the_training_goes_on_as_if_nothing_had_been(tiny):
+    """At a constant rate weights can be made of any state; the rate of the branch falls to zero."""
+    constant = ["train.optimiser.schedule=constant", "train.optimiser.warmup_steps=2"]
+    whole, pieces = tiny("whole", *constant), tiny("pieces", *constant, "train.max_minutes=0.00001")
+    record = train(whole)
+    with pytest.raises(ValueError, match=r"last\.ckpt does not exist; train first"):
+        train(tiny("pieces", *constant, "train.cooldown=1"))
+    assert train(pieces) is None
+    cooling = tiny("pieces", *constant, "train.cooldown=1", "train.max_minutes=0.00001")
+    while (branch := train(cooling)) is None:
+        pass
+    folder = Path(pieces.train.folder) / "cooldown_00001"
+    assert branch["steps"] == 9  # a round of 3 steps, then an epoch of 33 clouds in whole rounds
+    rates = EventAccumulator(str(folder / "tensorboard")).Reload().Scalars("lr-AdamW/pg1")
+    assert [each.value for each in rates] == sorted((each.value for each in rates), reverse=True)
+    assert rates[-1].value < 0.1 * whole.train.optimiser.learning_rate
+    while (finished := train(pieces)) is None:
+        pass
+    assert_equal_weights(whole, pieces)
+    after = train(tiny("after", f"train.init={folder / 'weights.safetensors'}", "train.epochs=1"))
+    assert (after["before"]["clouds"], after["before"]["sha256"]) == (72, branch["weights_sha256"])
+    assert finished["clouds"] == record["clouds"]
+
+
 def test_m2_starts_from_the_encoder_of_a_pre_training_and_ends_as_a_detector(tiny, smoke_config):
     before = tiny("before", method="m2_pretrain")
     train(before)
@@ -182,6 +206,14 @@ def test_a_loss_that_is_not_finite_ends_the_training_at_once(tiny, monkeypatch):
         FloatingPointError, match=r"step 0 is not finite \(loss nan, vector 2\); lower train\.optimiser"
     ):
         train(tiny("folder"))
+
+
+@pytest.mark.parametrize(("bfloat16", "taken"), [(True, "bf16-mixed"), (False, "32-true")])
+def test_precision_follows_the_processor(monkeypatch, bfloat16, taken):
+    monkeypatch.setattr("torch.ops.mkldnn._is_mkldnn_bf16_supported", lambda: bfloat16)
+    assert chosen_precision("auto", "cpu") == taken
+    assert chosen_precision("auto", "gpu") == "bf16-mixed"
+    assert chosen_precision("64-true", "cpu") == "64-true"
 
 
 def test_a_method_without_a_network_is_refused(smoke_config, tmp_path):

@@ -35,6 +35,7 @@ LIMITS = {
     "noise.removed_fraction": (0, 1),
     "noise.uniform_n": (POSITIVE, inf),
     "noise.gaussian_n": (POSITIVE, inf),
+    "noise.gaussian_scale": (0, inf),
     "noise.hard.cut_fraction": (0, 1),
     "noise.hard.hole_probability": (0, 1),
     "noise.hard.strong_n": (POSITIVE, inf),
@@ -130,7 +131,7 @@ class CurvesConfig:
 class SurfaceConfig:
     """§2.1: from the curve to a cylinder or a cone. points counts a cloud before undersampling."""
 
-    cylinder_probability: float = 0.2
+    cylinder_probability: float = 0.5
     height: list[float] = field(default_factory=lambda: [0.5, 4.0])
     points: int = 6400
     citrus_points: int = 12800
@@ -163,7 +164,7 @@ class HardConfig:
 class NoiseConfig:
     """§2.2: the perturbations. Fractions are ranges of the share of points moved or removed.
 
-    Uniform noise spans ± 1/n; Gaussian noise has the standard deviation n^-gaussian_power.
+    Uniform noise spans ± 1/n; Gaussian noise has the standard deviation gaussian_scale · n^-gaussian_power.
     """
 
     fraction: list[float] = field(default_factory=lambda: [0.3, 0.8])
@@ -171,6 +172,7 @@ class NoiseConfig:
     uniform_n: list[int] = field(default_factory=lambda: [15, 17, 19, 20])
     gaussian_n: list[int] = field(default_factory=lambda: [20, 23, 27, 30])
     gaussian_power: float = 1.0
+    gaussian_scale: float = 1.0
     n_per: DrawnPer = DrawnPer.cloud
     shift: NoiseShift = NoiseShift.vector
     hard: HardConfig = field(default_factory=HardConfig)

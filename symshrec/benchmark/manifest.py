@@ -9,7 +9,7 @@ from pathlib import Path
 
 from symshrec.benchmark.storage import ShardError
 
-GENERATOR_VERSION = 1  # raised whenever the same config would give other bytes
+GENERATOR_VERSION = 2  # raised whenever the same config, or the defaults, would give other bytes
 MANIFEST = "manifest.json"
 REQUEST = "request.json"
 HASHING_THREADS = 4

@@ -25,8 +25,9 @@ def uniform_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseCon
 
 
 def gaussian_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
-    """P2: a random share of the points moves by N(0, n^-2p) per coordinate, p = config.gaussian_power."""
-    return _moved(points, rng, config, config.gaussian_n, config.gaussian_power, rng.standard_normal)
+    """P2: a random share of the points moves by N(0, σ²) per coordinate, σ = gaussian_scale · n^-gaussian_power."""
+    scale, power = config.gaussian_scale, config.gaussian_power
+    return _moved(points, rng, config, config.gaussian_n, power, lambda shape: scale * rng.standard_normal(shape))
 
 
 def undersampling(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:

@@ -12,7 +12,7 @@ from symshrec.batch import Batch, SampledBatch
 from symshrec.geometry import farthest_point_sampling
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.optimiser import OptimiserSettings
-from symshrec.methods.weights import load_into, read_weights
+from symshrec.methods.weights import Weights, load_into, read_weights
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -62,6 +62,7 @@ class LearnedMethod(SymmetryMethod):
         super().__init__(count_threshold, workers, refine)
         self.weights = [read_weights(name, self.name) for name in weights]
         self.optimiser, self.steps, self.seed, self.rotate = OptimiserSettings(), 1, 0, False
+        self.cooldown_from: int | None = None
         self.val_metric: SymmetryMetric | None = None
 
     @abstractmethod
@@ -89,13 +90,15 @@ class LearnedMethod(SymmetryMethod):
             load_into(network, weights)
         return networks
 
-    def start_from(self, name: str) -> None:
-        """Take over shipped weights, or those in a file, before training.
+    def start_from(self, name: str) -> Weights:
+        """Take over shipped weights, or those in a file, before training; returns them with their record.
 
         Raises:
             WeightsError: for weights that are not there or do not fit.
         """
-        load_into(self.networks[0], read_weights(name, self.name))
+        weights = read_weights(name, self.name)
+        load_into(self.networks[0], weights)
+        return weights
 
     @property
     def points(self) -> int:
@@ -138,16 +141,22 @@ class LearnedMethod(SymmetryMethod):
         if not self.weights:
             raise ValueError(f"{self.name} has no weights; name some with method.weights, or train it first")
 
-    def learn_by(self, optimiser: OptimiserSettings, steps: int, seed: int, rotate: bool) -> None:
-        """Say how the coming training goes: its optimiser, number of steps, seed, and whether clouds are turned."""
+    def learn_by(
+        self, optimiser: OptimiserSettings, steps: int, seed: int, rotate: bool, cooldown_from: int | None = None
+    ) -> None:
+        """Say how the coming training goes: its optimiser, its number of steps, the seed, whether clouds are turned,
+        and the step from which a constant learning rate cools down."""
         self.optimiser, self.steps, self.seed, self.rotate = optimiser, steps, seed, rotate
+        self.cooldown_from = cooldown_from
 
     def configure_optimizers(self) -> dict:
         named = [(each, each.ndim > 1 and not name.endswith("bias")) for name, each in self.named_parameters()]
         decayed, others = ([each for each, decays in named if decays is wanted] for wanted in (True, False))
         groups = [{"params": decayed, "weight_decay": self.optimiser.weight_decay}, {"params": others}]
         adamw = torch.optim.AdamW(groups, self.optimiser.learning_rate, weight_decay=0.0, fused=True)
-        schedule = torch.optim.lr_scheduler.LambdaLR(adamw, lambda step: self.optimiser.factor(step, self.steps))
+        schedule = torch.optim.lr_scheduler.LambdaLR(
+            adamw, lambda step: self.optimiser.factor(step, self.steps, self.cooldown_from)
+        )
         return {"optimizer": adamw, "lr_scheduler": {"scheduler": schedule, "interval": "step"}}
 
     def training_step(self, batch: SampledBatch, batch_idx: int) -> Tensor:

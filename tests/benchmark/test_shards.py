@@ -141,7 +141,7 @@ def test_manifest_errors_say_what_to_do(root):
         ShardedSplit(root, "val")
     text = (root / "manifest.json").read_text()
     for content, message in (
-        (text.replace('"generator_version": 1', '"generator_version": 0'), "generator version 0"),
+        (text.replace('"generator_version": 2', '"generator_version": 0'), "generator version 0"),
         (text[: len(text) // 2], "not readable"),
         ("[]", "no manifest of shards"),
         (text.replace('"sha256"', '"sha"'), "no manifest of shards"),

@@ -49,7 +49,7 @@ def plain_cloud_loss(cloud, settings):
         foot = -((point - centre) @ normal) * normal
         gap = np.linalg.norm(vector - foot)
         term = settings.vector * (sine2 if settings.form is VectorForm.squared else np.sqrt(sine2 + 1e-6))
-        charge[head, plane] += term + settings.reflection * (gap / np.linalg.norm(vector) + gap)
+        charge[head, plane] += term + settings.reflection * gap / np.linalg.norm(vector) + settings.foot * gap
     charge /= len(points)
     size = min(heads, planes)
     sums = []
@@ -65,7 +65,7 @@ def plain_cloud_loss(cloud, settings):
         LossSettings(match_confidence=0),
         LossSettings(match_confidence=0, form=VectorForm.sine),
         LossSettings(match_confidence=0, vector=0, reflection=1),
-        LossSettings(match_confidence=0, vector=0.5, reflection=2),
+        LossSettings(match_confidence=0, vector=0.5, reflection=2, foot=3),
     ],
     ids=["Eq. 3", "sine", "reflection", "both"],
 )
@@ -73,7 +73,7 @@ def plain_cloud_loss(cloud, settings):
 def test_the_loss_is_the_least_over_all_assignments(settings, counts):
     dense, points, normals, truth_counts, centres = random_case(counts=counts)
     losses = m1_losses(dense, points, normals, truth_counts, centres, settings)
-    found = sum(getattr(settings, name) * losses[name] for name in ("vector", "reflection") if name in losses)
+    found = sum(getattr(settings, name) * losses[name] for name in ("vector", "reflection", "foot") if name in losses)
     clouds = zip(dense.vectors, points, normals, counts, centres, strict=True)
     expected = [plain_cloud_loss((v, p, n[:count], c), settings) for v, p, n, count, c in clouds]
     assert float(found) == pytest.approx(np.mean(expected), rel=1e-6)
@@ -193,7 +193,7 @@ def test_nothing_confident_gives_no_plane():
         (lambda: NetworkSettings(channels=30), "channels is 30; it must be a multiple of 4"),
         (lambda: NetworkSettings(points=0), "points is 0"),
         (lambda: NetworkSettings(hidden=(1, 2, 3)), "hidden"),
-        (lambda: LossSettings(vector=0), "loss.vector and loss.reflection are both 0"),
+        (lambda: LossSettings(vector=0), "loss.vector, loss.reflection and loss.foot are all 0"),
         (lambda: LossSettings(centre=-1), "loss.centre is -1"),
         (lambda: DecodeSettings(eps_deg=91), "decode.eps_deg is 91"),
         (lambda: DecodeSettings(cluster_points=0), "cluster_points is 0"),

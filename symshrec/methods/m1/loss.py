@@ -27,7 +27,7 @@ def m1_losses(
         settings: weights and forms.
 
     Returns:
-        confidence (Eq. 2), vector (Eq. 3), centre (Eq. 4), reflection where it counts, and `loss`.
+        confidence (Eq. 2), vector (Eq. 3), centre (Eq. 4), reflection and foot where they count, and `loss`.
     """
     known = (counts > 0).float()
     charges = _charges(dense, points, normals, centres, settings)  # (B, M, K) each
@@ -75,16 +75,19 @@ def _charges(
         cosines = torch.einsum("bsmi,bki->bsmk", dense.normals, normals)
         squared = (1 - cosines.square()).clamp_min(0)
         charges["vector"] = (squared if settings.form is VectorForm.squared else (squared + 1e-6).sqrt()).mean(1)
-    if settings.reflection:
-        charges["reflection"] = _reflection(dense.vectors, points, normals, centres)
+    if settings.reflection or settings.foot:
+        reflection, foot = _reflection(dense.vectors, points, normals, centres)
+        charges |= {"reflection": reflection} if settings.reflection else {}
+        charges |= {"foot": foot} if settings.foot else {}
     return charges
 
 
-def _reflection(vectors: Tensor, points: Tensor, normals: Tensor, centres: Tensor) -> Tensor:
-    """SymmetryNet's loss (Shi et al. 2020), (B, M, K): vectors lead from every point to its foot on the plane.
+def _reflection(vectors: Tensor, points: Tensor, normals: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]:
+    """Two charges, (B, M, K) each, for vectors that lead from every point to its foot on the plane.
 
-    Charged are the distance of the mirrored point they give from the true one, relative to their own length, and the
-    distance of the foot. Long vectors lower the first, which SymmetryNet's loss cannot prevent.
+    SymmetryNet's reflection loss (Shi et al. 2020) is the distance of the mirrored point they give from the true one,
+    relative to their own length; long vectors lower it, which it cannot prevent. The second, ours, is the plain
+    distance of the foot point from the true one.
     """
     heights = torch.einsum("bsi,bki->bsk", points - centres[:, None], normals)  # signed distances to the true planes
     along = torch.einsum("bsmi,bki->bsmk", vectors, normals)
@@ -92,7 +95,7 @@ def _reflection(vectors: Tensor, points: Tensor, normals: Tensor, centres: Tenso
     # |vector − true|² with true = −height · normal, without a tensor over (B, S, M, K, 3)
     squared = lengths.square() + 2 * along * heights[:, :, None] + heights.square()[:, :, None]
     gaps = (squared.clamp_min(0) + 1e-12).sqrt()
-    return (gaps / lengths.clamp_min(SHORTEST) + gaps).mean(1)
+    return (gaps / lengths.clamp_min(SHORTEST)).mean(1), gaps.mean(1)
 
 
 def _mean_over_known(values: Tensor, known: Tensor) -> Tensor:

@@ -58,29 +58,31 @@ class LossSettings:
     """Weights of the loss terms (Eq. 1 has them equal; SymmetryNet's reflection term is of R1 and R2 alone).
 
     Args:
-        confidence, vector, centre, reflection: weights of Eq. 2, Eq. 3, Eq. 4 and the reflection loss.
+        confidence, vector, centre, reflection: weights of Eq. 2, Eq. 3, Eq. 4 and SymmetryNet's reflection loss.
+        foot: weight of the foot points' distances, ours: what keeps vectors from growing long under `reflection`.
         form: of Eq. 3.
         match_confidence: share of the heads' confidence in the cost of the assignment, so that equal heads keep apart.
         head_points: points of every cloud that the heads learn from in a step, drawn anew each time; None takes all.
 
     Raises:
-        ValueError: for a negative weight, or where neither vector nor reflection has one.
+        ValueError: for a negative weight, or where neither vector, reflection nor foot has one.
     """
 
     confidence: float = 1.0
     vector: float = 1.0
     centre: float = 1.0
     reflection: float = 0.0
+    foot: float = 0.0
     form: VectorForm = VectorForm.squared
     match_confidence: float = 0.5
     head_points: int | None = None
 
     def __post_init__(self):
-        for name in ("confidence", "vector", "centre", "reflection", "match_confidence"):
+        for name in ("confidence", "vector", "centre", "reflection", "foot", "match_confidence"):
             if getattr(self, name) < 0:
                 raise ValueError(f"loss.{name} is {getattr(self, name)}; it must not be negative")
-        if not self.vector + self.reflection:
-            raise ValueError("loss.vector and loss.reflection are both 0; nothing would teach the normals")
+        if not self.vector + self.reflection + self.foot:
+            raise ValueError("loss.vector, loss.reflection and loss.foot are all 0; nothing would teach the normals")
         if self.head_points is not None:
             _at_least(self, 1, "head_points")
 

@@ -20,7 +20,7 @@ from symshrec.methods.m2.settings import (
     NetworkSettings,
     PretrainSettings,
 )
-from symshrec.methods.weights import load_into, read_weights
+from symshrec.methods.weights import Weights, load_into, read_weights
 from symshrec.planes import Planes
 
 ENCODER = "encoder."
@@ -64,15 +64,16 @@ class M2(LearnedMethod):
     def network_of(self, settings: NetworkSettings) -> nn.Module:
         return M2Network(settings)
 
-    def start_from(self, name: str) -> None:
+    def start_from(self, name: str) -> Weights:
         """The encoder of a pre-training alone, or all of an earlier training."""
         weights, (network, *_) = read_weights(name, self.name, "m2", PRETRAINED), self.networks
         if weights.method == self.name:
             load_into(network, weights)
-            return
+            return weights
         tensors = {key: value for key, value in weights.tensors.items() if key.startswith(ENCODER)}
         tensors = {key.removeprefix(ENCODER): value for key, value in tensors.items()}
         load_into(network.encoder, replace(weights, tensors=tensors))
+        return weights
 
     def losses(self, batch: SampledBatch) -> dict[str, Tensor]:
         """The published loss and its terms, the regularisation before its weight; see `symmetry_loss`."""
