@@ -6,10 +6,12 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.configs import benchmark_of, entry, load
-from symshrec.detection import method_of
-from symshrec.provenance import hardware
-from symshrec.reporting.benchmarks import (
+from symshrec.reporting.tables.typeset import markdown
+from symshrec.runs.config import benchmark_of, entry, load, method_of
+from symshrec.runs.provenance import hardware
+from symshrec.speed.m1 import m1_timings
+from symshrec.speed.m2 import m2_timings
+from symshrec.speed.timing import (
     Timing,
     benchmark_clouds,
     generator_timings,
@@ -17,9 +19,6 @@ from symshrec.reporting.benchmarks import (
     scoring_timing,
     timings_grid,
 )
-from symshrec.reporting.m1_benchmarks import m1_timings
-from symshrec.reporting.m2_benchmarks import m2_timings
-from symshrec.reporting.typeset import markdown
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
 

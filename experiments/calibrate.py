@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from omegaconf import DictConfig
 
-from symshrec.calibration import fitted, labelled_candidates
-from symshrec.configs import benchmark_of, entry, load
 from symshrec.methods.m4.confidence import NAMES
-from symshrec.provenance import code_version
+from symshrec.runs.calibration import fitted, labelled_candidates
+from symshrec.runs.config import benchmark_of, entry, load
+from symshrec.runs.provenance import code_version
 
 CLOUDS = 2700
 PERTURBATIONS = [f"P{number}" for number in range(10) if number != 6]

@@ -1,13 +1,13 @@
-"""Model cards: the tables of symshrec/weights/README.md from the weights there and results/: `experiments/cards.py`."""
+"""Model cards: the tables of symshrec/methods/weights/README.md from weights and results: `experiments/cards.py`."""
 
 from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.benchmark.storage import write_atomically
-from symshrec.configs import entry
+from symshrec.files.atomic import write_atomically
 from symshrec.methods.weights import shipped, weights_folder
 from symshrec.reporting.cards import card_text
+from symshrec.runs.config import entry
 
 
 @entry

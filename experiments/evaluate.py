@@ -4,9 +4,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.configs import entry
-from symshrec.evaluation import evaluate
-from symshrec.reporting.results import EPSILON, THETA_DEG, tolerances
+from symshrec.reporting.tables.results import EPSILON, THETA_DEG, tolerances
+from symshrec.runs.config import entry
+from symshrec.runs.evaluate import evaluate
 
 
 @entry

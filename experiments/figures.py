@@ -4,8 +4,8 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.configs import entry
-from symshrec.reporting.figures import make_figures
+from symshrec.reporting.figures.figures import make_figures
+from symshrec.runs.config import entry
 
 
 @entry

@@ -6,11 +6,11 @@ from pathlib import Path
 from omegaconf import DictConfig
 
 from symshrec.benchmark.generate import generate_dataset
-from symshrec.configs import benchmark_of, conf_folder, entry, load
-from symshrec.evaluation import evaluate
-from symshrec.reporting.fingerprint import fingerprint_grid
-from symshrec.reporting.results import read_result
-from symshrec.reporting.typeset import markdown
+from symshrec.reporting.tables.fingerprint import fingerprint_grid
+from symshrec.reporting.tables.results import read_result
+from symshrec.reporting.tables.typeset import markdown
+from symshrec.runs.config import benchmark_of, conf_folder, entry, load
+from symshrec.runs.evaluate import evaluate
 
 
 @entry

@@ -3,7 +3,7 @@
 from omegaconf import DictConfig
 
 from symshrec.benchmark.generate import generate_dataset
-from symshrec.configs import benchmark_of, entry
+from symshrec.runs.config import benchmark_of, entry
 
 
 @entry

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.configs import entry
-from symshrec.evaluation import datamodule_of
-from symshrec.predictions import WHOLE
-from symshrec.reporting.compared import compare_runs
-from symshrec.reporting.figures import make_result_figures
-from symshrec.reporting.refinement import write_refinement
-from symshrec.reporting.results import is_oracle, provenance, read_result
-from symshrec.reporting.tables import write_tables
+from symshrec.files.predictions import WHOLE
+from symshrec.reporting.figures.figures import make_result_figures
+from symshrec.reporting.tables.compared import compare_runs
+from symshrec.reporting.tables.published_tables import write_tables
+from symshrec.reporting.tables.refinement import write_refinement
+from symshrec.reporting.tables.results import is_oracle, provenance, read_result
+from symshrec.runs.config import entry
+from symshrec.runs.evaluate import datamodule_of
 
 
 @entry

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.configs import entry
-from symshrec.folds import fold_spread
-from symshrec.training import WEIGHTS, train
+from symshrec.runs.config import entry
+from symshrec.runs.cross_validation import fold_spread
+from symshrec.runs.train import WEIGHTS, train
 
 
 @entry

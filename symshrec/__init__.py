@@ -3,7 +3,7 @@
 from importlib import import_module
 
 __version__ = "0.1.0"
-_HOMES = {"Planes": "planes", "TensorPlanes": "detection", "detect": "detection"}  # imported when first asked for
+_HOMES = {"Planes": "planes", "TensorPlanes": "api", "detect": "api"}  # imported when first asked for
 
 __all__ = ["Planes", "TensorPlanes", "__version__", "detect"]
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from symshrec.benchmark.generate import generate_dataset
-from symshrec.configs import benchmark_of, load
+from symshrec.runs.config import benchmark_of, load
 
 torch.set_num_threads(1)
 SMALL = [

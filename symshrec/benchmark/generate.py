@@ -28,9 +28,9 @@ from symshrec.benchmark.manifest import (
 )
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
 from symshrec.benchmark.shards import cloud_name, encode_shard
-from symshrec.benchmark.storage import ShardError, remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.benchmark.surfaces import draw_pose, draw_shape
-from symshrec.workers import end_with_parent, main_left_out
+from symshrec.files.atomic import ShardError, remove_temporaries, require_room, sole_writer, write_atomically
+from symshrec.files.processes import end_with_parent, main_left_out
 
 SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
 PROBED_CLOUDS = 42

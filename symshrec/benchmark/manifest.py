@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from symshrec.benchmark.storage import ShardError
+from symshrec.files.atomic import ShardError
 
 GENERATOR_VERSION = 2  # raised whenever the same config, or the defaults, would give other bytes
 MANIFEST = "manifest.json"

@@ -11,7 +11,7 @@ from safetensors.numpy import save
 
 from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud, Labels
 from symshrec.benchmark.manifest import Manifest, damages, read_manifest
-from symshrec.benchmark.storage import ShardError
+from symshrec.files.atomic import ShardError
 from symshrec.planes import Planes
 
 METADATA = "symshrec"  # a single key: safetensors does not keep several in a fixed order

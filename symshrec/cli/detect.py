@@ -9,14 +9,14 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from symshrec.benchmark.storage import write_atomically
 from symshrec.cli.arguments import count, setting, share
-from symshrec.clouds import EXTENSIONS, SAMPLES, read_cloud
-from symshrec.clouds.example import EXAMPLE, write_example
-from symshrec.detections import Detection, as_json, as_table
+from symshrec.files.atomic import write_atomically
+from symshrec.geometry.residuals import mirror_residuals
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
-from symshrec.residuals import mirror_residuals
+from symshrec.scans import EXTENSIONS, SAMPLES, read_cloud
+from symshrec.scans.example import EXAMPLE, write_example
+from symshrec.scans.report import Detection, as_json, as_table
 
 STEM = "{stem}"
 PLOTS = (".png", ".html")
@@ -92,7 +92,7 @@ def detect_file(path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 
 
 def _detector(options: argparse.Namespace) -> tuple[Detect, float]:
     """What finds the planes of points, and the least confidence of those that it gives."""
-    from symshrec.detection import detect, named_method  # torch: after the arguments are known to be right
+    from symshrec.api import detect, named_method  # torch: after the arguments are known to be right
 
     method = named_method(options.method, **dict(options.set))
     threshold = method.count_threshold if options.min_confidence is None else options.min_confidence
@@ -133,11 +133,11 @@ def _write(detection: Detection, options: argparse.Namespace) -> None:
     if options.plot:
         out = Path(options.plot.replace(STEM, stem))
         if out.suffix.lower() == ".html":
-            from symshrec.reporting.page import cloud_page
+            from symshrec.reporting.figures.page import cloud_page
 
             content = cloud_page(detection.cloud.points, detection.planes, title=detection.path.name).encode()
         else:
-            from symshrec.reporting.drawing import cloud_picture
+            from symshrec.reporting.figures.drawing import cloud_picture
 
             content = cloud_picture(detection.cloud.points, detection.planes)
         write_atomically(out, content, sync=False)

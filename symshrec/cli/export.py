@@ -11,10 +11,10 @@ from pathlib import Path
 from symshrec.benchmark.manifest import json_text
 from symshrec.benchmark.official import LAYOUTS, RESULTS_FILE, Layout, write_results
 from symshrec.benchmark.shards import ShardedSplit, read_manifest
-from symshrec.benchmark.storage import remove_temporaries, write_atomically
 from symshrec.cli.arguments import count
 from symshrec.cli.parallel import available_cores, over_clouds
 from symshrec.cli.sources import PredictedResults
+from symshrec.files.atomic import remove_temporaries, write_atomically
 
 UNFINISHED = ".unfinished-export.json"  # says what is being exported while it is, so that it can be taken up again
 

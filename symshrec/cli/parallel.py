@@ -8,7 +8,7 @@ from typing import TypeVar
 
 from tqdm import tqdm
 
-from symshrec.workers import end_with_parent
+from symshrec.files.processes import end_with_parent
 
 Result = TypeVar("Result")
 CHUNK = 32  # clouds handed to a process at once

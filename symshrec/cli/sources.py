@@ -11,8 +11,8 @@ from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.manifest import MANIFEST, REQUEST
 from symshrec.benchmark.official import OfficialFolder, ResultsFolder, chosen_ids
 from symshrec.benchmark.shards import ShardedSplit
+from symshrec.files.predictions import load_metadata, load_predictions
 from symshrec.planes import Planes
-from symshrec.predictions import load_metadata, load_predictions
 
 
 class Clouds(Protocol):

@@ -11,8 +11,8 @@ from symshrec.benchmark.official import OfficialFolder, read_planes, read_result
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli.arguments import whole
 from symshrec.cli.sources import holds_shards, open_results
-from symshrec.clouds import read_cloud
 from symshrec.planes import Planes
+from symshrec.scans import read_cloud
 
 SHARDS_SPLIT = "test"  # as `symshrec score`
 
@@ -37,7 +37,7 @@ def parser() -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> None:
     """Open the window, and tell on stderr what is in it."""
-    from symshrec.reporting.viewer import require_window, show
+    from symshrec.reporting.figures.viewer import require_window, show
 
     require_window()
     scene = open_scene(options.source, options.id, options.split, options.predictions)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from lightning import LightningModule
 from torch import Tensor
 
-from symshrec.batch import Batch
-from symshrec.methods.pool import DetectionPool, Find, detect_named
-from symshrec.methods.refine import refined
+from symshrec.data.batch import Batch
+from symshrec.files.pool import DetectionPool, Find, detect_named
+from symshrec.methods.fit import refined
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 

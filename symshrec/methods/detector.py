@@ -50,7 +50,7 @@ def training_free(name: str, count_threshold: float, refine: bool, **settings) -
     Raises:
         ValueError: naming the setting that is out of its range.
     """
-    home = import_module(f"symshrec.methods.{name}.detection")
+    home = import_module(f"symshrec.methods.{name}.pipeline")
     chosen = getattr(home, SETTINGS[name])(**settings)
     return TrainingFree(home.detect_planes, chosen, count_threshold, refine, name in ARRAYS)
 

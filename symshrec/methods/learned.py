@@ -8,8 +8,8 @@ from enum import Enum
 import torch
 from torch import Tensor, nn
 
-from symshrec.batch import Batch, SampledBatch
-from symshrec.geometry import farthest_point_sampling
+from symshrec.data.batch import Batch, SampledBatch
+from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.optimiser import OptimiserSettings
 from symshrec.methods.weights import Weights, load_into, read_weights

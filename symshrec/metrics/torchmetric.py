@@ -9,9 +9,9 @@ from torchmetrics import Metric
 from torchmetrics.utilities import dim_zero_cat
 
 from symshrec.benchmark.cloud import Labels
+from symshrec.files.predictions import take_clouds
 from symshrec.metrics.scores import Scores, evaluate
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.predictions import take_clouds
 
 NAME_BYTES = 32  # a label in a tensor: UTF-8, padded with zeros
 NAME_FIELDS = ("family", "solid", "perturbation")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from symshrec.methods.weights import Weights, read_weights, shipped
 from symshrec.metrics import METRICS
-from symshrec.reporting.results import LABELS, find_score, read_result
-from symshrec.reporting.typeset import Grid, Text, markdown
+from symshrec.reporting.tables.results import LABELS, find_score, read_result
+from symshrec.reporting.tables.typeset import Grid, Text, markdown
 
 BEGIN, END = "<!-- facts: written by experiments/cards.py -->", "<!-- end of facts -->"
 FULL = ("paper", "paper-so3", "hard")  # folders of results/

@@ -17,7 +17,7 @@ from symshrec.benchmark.config import BenchmarkConfig, HardConfig, PoseConfig, P
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.manifest import read_manifest
 from symshrec.benchmark.shards import ShardedSplit
-from symshrec.benchmark.storage import DiskFullError, ShardError, sole_writer
+from symshrec.files.atomic import DiskFullError, ShardError, sole_writer
 
 
 def small_config(train=84, test=42, clouds_per_shard=21, points=640):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from symshrec import detection
+from symshrec import api
 from symshrec.benchmark.official import read_results
 from symshrec.cli import detect, main
-from symshrec.clouds import read_cloud
 from symshrec.methods.base import SymmetryMethod
 from symshrec.planes import Planes
+from symshrec.scans import read_cloud
 
 PLANES = Planes(np.eye(3), np.zeros((3, 3)), [0.9, 0.3, 0.7])  # in the frame that a method sees
 
@@ -26,7 +26,7 @@ class Known(SymmetryMethod):
 
 @pytest.fixture(autouse=True)
 def known_method(monkeypatch):
-    monkeypatch.setattr(detection, "named_method", lambda name, **arguments: Known())
+    monkeypatch.setattr(api, "named_method", lambda name, **arguments: Known())
 
 
 @pytest.fixture
@@ -139,7 +139,7 @@ def test_a_setting_is_name_and_value(word, box, capsys):
 
 def test_the_methods_own_arguments_reach_it(box, monkeypatch):
     asked = []
-    monkeypatch.setattr(detection, "named_method", lambda name, **given: asked.append((name, given)) or Known())
+    monkeypatch.setattr(api, "named_method", lambda name, **given: asked.append((name, given)) or Known())
     assert run(box, "--method", "m3", "--set", "neighbours=250", "mollify=1.0e-4", "--set", "title=x") == 0
     assert asked == [("m3", {"neighbours": 250, "mollify": 1e-4, "title": "x"})]
 

@@ -6,8 +6,8 @@ import pytest
 from symshrec.benchmark.official import OfficialFolder, ResultsFolder
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli import export, main
+from symshrec.files.predictions import save_predictions
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.predictions import save_predictions
 
 
 def exported(*arguments) -> int:

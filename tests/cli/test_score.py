@@ -8,9 +8,9 @@ import pytest
 from symshrec.benchmark.official import write_results, write_track
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli import main, parallel
+from symshrec.files.predictions import save_predictions
 from symshrec.metrics import METRICS, evaluate
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.predictions import save_predictions
 
 
 def disturbed(truth: Planes, rng: np.random.Generator) -> Planes:

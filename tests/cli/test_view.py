@@ -7,9 +7,9 @@ from symshrec.benchmark.official import write_planes, write_points, write_result
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli import main
 from symshrec.cli.view import open_scene
+from symshrec.files.predictions import save_predictions
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.predictions import save_predictions
-from symshrec.reporting import viewer
+from symshrec.reporting.figures import viewer
 
 GUESS = Planes([[0, 0, 1], [0, 1, 0]], np.zeros((2, 3)), [0.75, 0.5])
 

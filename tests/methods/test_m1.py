@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from symshrec.batch import SampledBatch
+from symshrec.data.batch import SampledBatch
 from symshrec.methods.learned import plain_settings, restored_settings
 from symshrec.methods.m1.module import M1
 from symshrec.methods.m1.network import M1Network

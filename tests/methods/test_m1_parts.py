@@ -8,13 +8,13 @@ import pytest
 import torch
 from sklearn.cluster import DBSCAN
 
-from symshrec.batch import SampledBatch
+from symshrec.data.batch import SampledBatch
 from symshrec.methods.m1.decode import dbscan, decode
 from symshrec.methods.m1.loss import m1_losses
 from symshrec.methods.m1.network import Dense, M1Network, OffsetAttention
 from symshrec.methods.m1.settings import DecodeSettings, Encoder, LossSettings, NetworkSettings, VectorForm
 from symshrec.planes import Planes, axis_angles
-from symshrec.reference.m1 import PlainPCT, plain_decode, plain_loss
+from symshrec.speed.plain.m1 import PlainPCT, plain_decode, plain_loss
 from tests.methods.likeness import assert_same_planes
 
 SMALL = NetworkSettings(points=48, channels=16, layers=2, features=32, hidden=(24, 16), planes=4)

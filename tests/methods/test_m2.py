@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from symshrec.batch import SampledBatch
+from symshrec.data.batch import SampledBatch
 from symshrec.methods.learned import UnitSphere, plain_settings, restored_settings
 from symshrec.methods.m2.module import M2
 from symshrec.methods.m2.network import M2Network
@@ -20,7 +20,7 @@ from symshrec.methods.m2.settings import (
 )
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import axis_angles
-from symshrec.reference import m2 as reference
+from symshrec.speed.plain import m2 as reference
 from tests.methods.likeness import (
     assert_blind_to_order_and_moving_with_the_cloud,
     assert_same_planes,

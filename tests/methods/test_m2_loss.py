@@ -7,13 +7,13 @@ from torch.nn import functional
 
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.benchmark.surfaces import draw_shape
-from symshrec.geometry import farthest_point_sampling
+from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.m2.chamfer import mirrored_chamfer
 from symshrec.methods.m2.cleaning import clean, confidences
 from symshrec.methods.m2.heads import hemisphere, unit_planes
 from symshrec.methods.m2.loss import orthogonality, symmetry_loss
 from symshrec.methods.m2.settings import CleaningSettings, Confidence
-from symshrec.reference import m2 as reference
+from symshrec.speed.plain import m2 as reference
 
 
 def random_clouds(clouds=3, count=90, seed=0, dtype=torch.float32):

@@ -6,7 +6,7 @@ import pytest
 import torch
 from torch.nn import functional
 
-from symshrec.geometry import farthest_point_sampling
+from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.m2.autoencoder import MaskedAutoencoder, chamfer_l2
 from symshrec.methods.m2.encoder import Encoder
 from symshrec.methods.m2.heads import PlaneHeads, hemisphere, unit_planes

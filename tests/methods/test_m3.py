@@ -6,14 +6,14 @@ import robust_laplacian
 import torch
 from scipy.spatial import cKDTree
 
-from symshrec.batch import Batch
 from symshrec.benchmark.cloud import Labels
+from symshrec.data.batch import Batch
 from symshrec.methods.m3 import selection, spectrum
 from symshrec.methods.m3.candidates import local_maxima
-from symshrec.methods.m3.detection import M3Settings, detect_planes, spatial_order
 from symshrec.methods.m3.module import M3
+from symshrec.methods.m3.pipeline import M3Settings, detect_planes, spatial_order
 from symshrec.planes import Planes, axis_angles
-from symshrec.reference.m3 import detect_planes as reference_planes
+from symshrec.speed.plain.m3 import detect_planes as reference_planes
 
 SETTINGS = M3Settings(neighbours=40, time_factor=0.1)
 

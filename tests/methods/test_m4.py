@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import torch
 
-from symshrec.batch import Batch
 from symshrec.benchmark.cloud import Labels
-from symshrec.configs import load
+from symshrec.data.batch import Batch
 from symshrec.methods.m4.confidence import CALIBRATION, confidences
-from symshrec.methods.m4.detection import M4Settings, detect_planes
 from symshrec.methods.m4.module import M4
+from symshrec.methods.m4.pipeline import M4Settings, detect_planes
 from symshrec.methods.m4.search import hemisphere
 from symshrec.planes import Planes, axis_angles
-from symshrec.reference.m4 import detect_planes as plain_planes
+from symshrec.runs.config import load
+from symshrec.speed.plain.m4 import detect_planes as plain_planes
 
 
 def petal_cone(count=2500, petals=4, noise=0.0, seed=0):

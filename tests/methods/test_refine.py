@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from symshrec.methods.refine import RefineSettings, refine_planes
-from symshrec.methods.refine.alignment import Pairs
-from symshrec.methods.refine.coupling import closure, find_relations, images_of_planes, orbit_means
-from symshrec.methods.refine.density import Density, densities
-from symshrec.methods.refine.ends import end_offset
-from symshrec.methods.refine.frame import frame_of
-from symshrec.methods.refine.likelihood import ascended, divergence
-from symshrec.methods.refine.steps import stepped, tangents
-from symshrec.methods.refine.surface import local_planes, smallest_eigenvectors
+from symshrec.methods.fit import RefineSettings, refine_planes
+from symshrec.methods.fit.alignment import Pairs
+from symshrec.methods.fit.coupling import closure, find_relations, images_of_planes, orbit_means
+from symshrec.methods.fit.density import Density, densities
+from symshrec.methods.fit.ends import end_offset
+from symshrec.methods.fit.frame import frame_of
+from symshrec.methods.fit.likelihood import ascended, divergence
+from symshrec.methods.fit.steps import stepped, tangents
+from symshrec.methods.fit.surface import local_planes, smallest_eigenvectors
 from symshrec.planes import Planes, axis_angles
 
 

@@ -4,7 +4,7 @@ import pytest
 from symshrec.benchmark.cloud import UNKNOWN, Labels
 from symshrec.metrics import METRICS, evaluate, group_masks, grouped, matching, scores
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.reference.metrics import evaluate_plainly, score_plainly
+from symshrec.speed.plain.metrics import evaluate_plainly, score_plainly
 
 PER_CLOUD = ("average_precision", "recall_aware_ap", "phc", "recall", "curve")
 

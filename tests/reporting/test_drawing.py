@@ -3,7 +3,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from symshrec.planes import Planes
-from symshrec.reporting.drawing import PREDICTED, View, box, clip_plane, cloud_mesh, draw_cloud
+from symshrec.reporting.figures.drawing import PREDICTED, View, box, clip_plane, cloud_mesh, draw_cloud
 
 
 def random_planes(rng, count):

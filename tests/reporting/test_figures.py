@@ -4,7 +4,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS
-from symshrec.reporting.figures import (
+from symshrec.reporting.figures.figures import (
     gallery_clouds,
     make_figures,
     make_result_figures,

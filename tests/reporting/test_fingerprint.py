@@ -4,9 +4,9 @@ import math
 
 import pytest
 
-from symshrec.reporting.fingerprint import distance, fingerprint_grid, profile
-from symshrec.reporting.published import published_cells
-from symshrec.reporting.typeset import markdown
+from symshrec.reporting.tables.fingerprint import distance, fingerprint_grid, profile
+from symshrec.reporting.tables.published import published_cells
+from symshrec.reporting.tables.typeset import markdown
 
 
 def result_off_by(difference: float, groups: tuple[str, ...] = ()) -> dict:

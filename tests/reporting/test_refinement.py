@@ -7,8 +7,8 @@ import pytest
 
 from symshrec.benchmark.cloud import Labels
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.reporting.compared import Compared
-from symshrec.reporting.refinement import refinement_errors, write_refinement
+from symshrec.reporting.tables.compared import Compared
+from symshrec.reporting.tables.refinement import refinement_errors, write_refinement
 
 EYE, ORIGIN = np.eye(3), np.zeros((3, 3))
 DIAGONALS = np.array([2.0, 4.0])

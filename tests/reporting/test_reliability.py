@@ -7,11 +7,11 @@ import pytest
 
 from symshrec.benchmark.cloud import Labels
 from symshrec.benchmark.shards import ShardedSplit
+from symshrec.files.predictions import save_predictions
 from symshrec.planes import PackedPlanes, Planes
-from symshrec.predictions import save_predictions
-from symshrec.reporting.compared import Compared, compare_runs
-from symshrec.reporting.figures import make_result_figures, reliability_figure
-from symshrec.reporting.reliability import reliability
+from symshrec.reporting.figures.figures import make_result_figures, reliability_figure
+from symshrec.reporting.figures.reliability import reliability
+from symshrec.reporting.tables.compared import Compared, compare_runs
 
 
 def a_run(confidences, right):

@@ -6,11 +6,11 @@ from importlib.resources import files
 import pytest
 
 from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS
-from symshrec.reporting.published import published_cells, published_methods
-from symshrec.reporting.results import HIDDEN_METRICS, PUBLISHED_METRICS, find_score, read_result
-from symshrec.reporting.sweep import sweep_curves
-from symshrec.reporting.tables import write_tables
-from symshrec.reporting.typeset import Grid, Text, latex, markdown
+from symshrec.reporting.tables.published import published_cells, published_methods
+from symshrec.reporting.tables.published_tables import write_tables
+from symshrec.reporting.tables.results import HIDDEN_METRICS, PUBLISHED_METRICS, find_score, read_result
+from symshrec.reporting.tables.sweep import sweep_curves
+from symshrec.reporting.tables.typeset import Grid, Text, latex, markdown
 
 GROUPS = ("all", *PUBLISHED_PERTURBATIONS, *FAMILIES, *SOLIDS)
 HARD_GROUPS = ("all", *HARD_PERTURBATIONS, *FAMILIES, *SOLIDS)
@@ -51,7 +51,7 @@ def published_score(name, metric, group):
 def test_published_cells_round_trip(tmp_path):
     results = [a_result(n, value=lambda m, g, n=n: published_score(n, m, g)) for n in published_methods()]
     write_tables(results, tmp_path)
-    source = csv.DictReader(files("symshrec.reporting").joinpath("published.csv").read_text().splitlines())
+    source = csv.DictReader(files("symshrec.reporting.tables").joinpath("published.csv").read_text().splitlines())
     expected = {tuple(row[k] for k in ("table", "method", "metric", "group")): row["value"] for row in source}
     found = {}
     for number in (2, 3, 4):

@@ -6,11 +6,11 @@ from lightning.pytorch.loggers import TensorBoardLogger
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 from torch.utils.data import DataLoader
 
-from symshrec.batch import Batch
 from symshrec.benchmark.cloud import Labels
+from symshrec.data.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.planes import Planes
-from symshrec.reporting.tensorboard import TensorBoardResults
+from symshrec.reporting.figures.tensorboard import TensorBoardResults
 
 TRUE = Planes([[1, 0, 0], [0, 1, 0]], np.zeros((2, 3)))
 

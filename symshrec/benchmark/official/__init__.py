@@ -6,8 +6,8 @@ from pathlib import Path
 from symshrec.benchmark.cloud import LabelledCloud
 from symshrec.benchmark.official.folder import OfficialFolder, chosen_ids
 from symshrec.benchmark.official.layouts import LAYOUTS, SYMMETRIA, TRACK, Layout
+from symshrec.benchmark.official.numbers import OfficialFileError
 from symshrec.benchmark.official.results import ResultsFolder
-from symshrec.benchmark.official.tables import OfficialFileError
 from symshrec.benchmark.official.text import (
     RESULTS_FILE,
     read_planes,

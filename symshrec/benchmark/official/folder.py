@@ -8,7 +8,7 @@ import numpy as np
 
 from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.official.layouts import LAYOUTS, Listing
-from symshrec.benchmark.official.tables import OfficialFileError
+from symshrec.benchmark.official.numbers import OfficialFileError
 from symshrec.benchmark.official.text import read_subset
 
 SPLITS = ("train", "valid", "test")

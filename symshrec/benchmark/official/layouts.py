@@ -9,7 +9,7 @@ import numpy as np
 
 from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.official import symmetria, text
-from symshrec.benchmark.official.tables import OfficialFileError
+from symshrec.benchmark.official.numbers import OfficialFileError
 from symshrec.planes import Planes
 
 

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from symshrec.benchmark.official.tables import OfficialFileError
+from symshrec.benchmark.official.numbers import OfficialFileError
 from symshrec.benchmark.official.text import read_results
 from symshrec.planes import Planes
 

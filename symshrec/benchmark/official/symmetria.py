@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, UNKNOWN, Labels
-from symshrec.benchmark.official.tables import check_count, complaint, parse_rows, split_count
+from symshrec.benchmark.official.numbers import check_count, complaint, parse_rows, split_count
 from symshrec.benchmark.official.text import (
     PLANE_COLUMNS,
     counted_text,
@@ -16,7 +16,7 @@ from symshrec.benchmark.official.text import (
     planes_of,
     points_text,
 )
-from symshrec.benchmark.storage import write_atomically
+from symshrec.files.atomic import write_atomically
 from symshrec.planes import Planes
 
 FAMILY_NAMES = {family: family for family in FAMILIES} | {"lemniscate_bernoulli": "lemniscate"}

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from symshrec.benchmark.official.tables import complaint, parse_counted_rows, parse_rows
-from symshrec.benchmark.storage import write_atomically
+from symshrec.benchmark.official.numbers import complaint, parse_counted_rows, parse_rows
+from symshrec.files.atomic import write_atomically
 from symshrec.planes import MIN_NORMAL_LENGTH, Planes
 
 POINT_DECIMALS = 6  # as the track prints them

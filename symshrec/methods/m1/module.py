@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor, nn
 
-from symshrec.batch import SampledBatch
+from symshrec.data.batch import SampledBatch
 from symshrec.methods.learned import LearnedMethod, UnitSphere
 from symshrec.methods.m1.decode import decode
 from symshrec.methods.m1.loss import m1_losses

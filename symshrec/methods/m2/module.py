@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from symshrec.batch import SampledBatch
+from symshrec.data.batch import SampledBatch
 from symshrec.methods.learned import LearnedMethod, UnitSphere
 from symshrec.methods.m2.chamfer import mirrored_chamfer
 from symshrec.methods.m2.cleaning import clean, confidences

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from symshrec.geometry import farthest_point_sampling
+from symshrec.geometry.sampling import farthest_point_sampling
 
 
 @torch.no_grad()

@@ -3,7 +3,7 @@
 import torch
 from torch import Tensor, nn
 
-from symshrec.batch import Batch, SampledBatch
+from symshrec.data.batch import Batch, SampledBatch
 from symshrec.methods.learned import UnitSphere
 from symshrec.methods.m2.autoencoder import MaskedAutoencoder, Reconstruction
 from symshrec.methods.m2.encoder import Encoder

@@ -2,9 +2,9 @@
 
 from torch import Tensor
 
-from symshrec.batch import Batch
+from symshrec.data.batch import Batch
 from symshrec.methods.base import SymmetryMethod
-from symshrec.methods.m3.detection import M3Settings, detect_planes
+from symshrec.methods.m3.pipeline import M3Settings, detect_planes
 from symshrec.planes import Planes
 
 

@@ -2,10 +2,10 @@
 
 from torch import Tensor
 
-from symshrec.batch import Batch
+from symshrec.data.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m4.confidence import CALIBRATION
-from symshrec.methods.m4.detection import M4Settings, detect_planes
+from symshrec.methods.m4.pipeline import M4Settings, detect_planes
 from symshrec.planes import Planes
 
 

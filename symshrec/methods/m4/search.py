@@ -5,7 +5,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
-from symshrec.methods.refine.density import Density
+from symshrec.methods.fit.density import Density
 
 AROUND = 8  # neighbours of a direction, beside itself
 SEARCHED = 128  # points mirrored in every direction

@@ -13,8 +13,8 @@ from symshrec.benchmark.official import (
     write_points,
     write_results,
 )
+from symshrec.benchmark.official.numbers import _parse_at_once, _parse_by_line
 from symshrec.benchmark.official.symmetria import read_compressed_points, read_symmetries
-from symshrec.benchmark.official.tables import _parse_at_once, _parse_by_line
 from symshrec.planes import Planes
 
 PLANE = "0 0 1 0.5 0.25 0"

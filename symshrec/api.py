@@ -1,0 +1,199 @@
+"""`symshrec.detect`: the mirror planes of anyone's points, by any method, in the points' own coordinates."""
+
+import functools
+import json
+from collections.abc import Iterator
+from contextlib import nullcontext
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from torch import Tensor
+
+from symshrec.methods import DEFAULT
+from symshrec.methods.detector import SETTINGS, Detector, one_thread, training_free
+from symshrec.methods.fit import refined
+from symshrec.planes import Planes
+from symshrec.runs.config import conf_folder, load, method_of
+
+MOST_POINTS = 100_000  # that a method is given, unless told
+BLOCK = 65_536  # points of a larger cloud that are worked on at once, so that no second one of its size is held
+STRAIGHT = 1e-6  # of the spread: thinner in two directions, a cloud is a line; well above the rounding of float32
+
+
+class TensorPlanes(NamedTuple):
+    """What `Planes` holds, as tensors: normals (K, 3) of length one, points (K, 3) and confidences (K,)."""
+
+    normals: Tensor
+    points: Tensor
+    confidences: Tensor
+
+
+def detect(
+    points: np.ndarray | Tensor,
+    method: str | Detector = DEFAULT,
+    *,
+    min_confidence: float | None = None,
+    max_planes: int | None = None,
+    max_points: int = MOST_POINTS,
+    **arguments,
+) -> Planes | TensorPlanes:
+    """The mirror planes of a cloud, the most confident first.
+
+    Every method sees the cloud centred and scaled to diagonal 1, in single precision, so that neither unit nor position
+    (of a survey, say, millions of metres from its origin) costs accuracy. The same points give the same planes.
+
+    Args:
+        points: (N, 3) real numbers in any unit, an array, anything that NumPy makes one of, or a tensor on any device.
+        method: a name of conf/method, or a method that is ready for use.
+        min_confidence: leave out planes below it; None takes the method's own threshold.
+        max_planes: at most so many; None gives all.
+        max_points: the method sees so many points of a larger cloud, drawn evenly at random, always the same.
+        arguments: of the method, as in conf/method (`neighbours=250` for m3).
+
+    Returns:
+        Planes for arrays; for a tensor TensorPlanes on its device, of its type where that is a real one. Normals have
+        their largest component positive, and each point is the plane's nearest to the cloud's centroid. None is a valid
+        answer: `len(planes) == 0`, for tensors `len(planes.normals) == 0`.
+
+    Raises:
+        ValueError: for another shape, values that are not finite, points in one place or on a straight line (which have
+            infinitely many mirror planes), an unknown method or argument, or a limit out of its range.
+    """
+    _check_limits(min_confidence, max_planes, max_points)
+    detector = _detector(method, arguments)
+    frame = Frame.of(_as_array(points))
+    threshold = detector.count_threshold if min_confidence is None else min_confidence
+    device = points.device if isinstance(points, Tensor) else torch.device("cpu")
+    if network := isinstance(detector, torch.nn.Module):
+        detector.to(device).eval()
+    with torch.no_grad(), nullcontext() if network else one_thread():
+        seen = torch.from_numpy(frame.normalised(max_points)).to(device)
+        found = detector.detect(seen)
+        found = (refined(seen, found) if detector.refine else found).ranked()
+    planes = frame.restored(found[found.confidences >= threshold][:max_planes])
+    return _as_tensors(planes, points) if isinstance(points, Tensor) else planes
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """A cloud (N, 3) float64 with its box's centre (3,) and diagonal, and its centroid (3,) relative to that centre."""
+
+    points: np.ndarray
+    centre: np.ndarray
+    diagonal: float
+    centroid: np.ndarray
+
+    @classmethod
+    def of(cls, points: np.ndarray) -> "Frame":
+        """Measure a cloud.
+
+        Raises:
+            ValueError: for a cloud that has no definite mirror planes.
+        """
+        low, high = (np.array([end(column) for column in points.T]) for end in (np.min, np.max))  # ten times axis=0
+        with np.errstate(over="ignore"):
+            diagonal = float(np.linalg.norm(high - low))
+        if not np.isfinite(diagonal):
+            raise ValueError("the points spread too far for double precision; scale them down")
+        if diagonal <= np.finfo(np.float64).tiny:
+            raise ValueError(f"all points ({len(points)}) are in one place, which has no definite mirror planes")
+        centre = low + (high - low) / 2
+        centroid = sum(block.sum(axis=0) for block in _blocks(points, centre, diagonal)) / len(points)
+        middle = centre + centroid * diagonal
+        spread = np.linalg.eigvalsh(sum(block.T @ block for block in _blocks(points, middle, diagonal)))
+        if spread[1] <= STRAIGHT**2 * spread[2]:
+            raise ValueError(
+                f"all points ({len(points)}) are on a straight line, and every plane through it mirrors them; give "
+                "points that spread in two directions or three"
+            )
+        return cls(points, centre, diagonal, centroid * diagonal)
+
+    def normalised(self, count: int) -> np.ndarray:
+        """The cloud in its frame, at most `count` points of it: (n, 3) float32."""
+        points = self.points
+        if len(points) > count:
+            points = points[np.sort(np.random.default_rng(0).choice(len(points), count, replace=False))]
+        return ((points - self.centre) / self.diagonal).astype(np.float32)
+
+    def restored(self, planes: Planes) -> Planes:
+        """Planes of the frame in the cloud's own coordinates, each through the foot of the centroid."""
+        planes = planes.transformed(scale=self.diagonal, translation=-self.centroid).canonical()
+        return planes.transformed(translation=self.centre + self.centroid)
+
+
+def _blocks(points: np.ndarray, middle: np.ndarray, scale: float) -> Iterator[np.ndarray]:
+    """The points about `middle` in units of `scale`, (BLOCK, 3) at a time."""
+    for start in range(0, len(points), BLOCK):
+        yield (points[start : start + BLOCK] - middle) / scale
+
+
+def named_method(name: str, **arguments) -> Detector:
+    """A method of conf/method with some arguments of its own; made once and kept.
+
+    Raises:
+        ValueError: for a name or an argument that is not there, naming those that are, or a value of the wrong kind.
+    """
+    return _made(name, json.dumps(arguments, sort_keys=True))
+
+
+@functools.lru_cache(maxsize=8)
+def _made(name: str, arguments: str) -> Detector:
+    names = sorted(path.stem for path in (conf_folder() / "method").glob("*.yaml"))
+    if name not in names:
+        raise ValueError(f"there is no method {name!r}; there is {', '.join(names)}")
+    config, chosen = load([f"method={name}"]), json.loads(arguments)
+    valid = sorted(key for key in config.method if key not in ("_target_", "name"))
+    if unknown := sorted(set(chosen) - set(valid)):
+        raise ValueError(f"method {name} has no argument {unknown[0]!r}; it has {', '.join(valid)}")
+    try:
+        config.method = OmegaConf.merge(config.method, chosen)
+    except OmegaConfBaseException as error:
+        raise ValueError(f"method {name}: {str(error).splitlines()[0]}") from error
+    try:
+        if name in SETTINGS:
+            return training_free(name, **{key: config.method[key] for key in valid if key != "workers"})
+    except ValueError as error:
+        raise ValueError(f"method {name}: {error}") from error
+    return method_of(config)
+
+
+def _detector(method: str | Detector, arguments: dict) -> Detector:
+    if isinstance(method, str):
+        return named_method(method, **arguments)
+    if arguments:
+        raise ValueError(f"{', '.join(arguments)} cannot change a method that is made already; name the method instead")
+    return method
+
+
+def _check_limits(min_confidence: float | None, max_planes: int | None, max_points: int) -> None:
+    if min_confidence is not None and not np.isfinite(min_confidence):
+        raise ValueError(f"min_confidence is {min_confidence}; it should be a finite number")
+    for name, value in (("max_planes", max_planes), ("max_points", max_points)):
+        if value is not None and value < 1:
+            raise ValueError(f"{name} is {value}; it should be at least 1")
+
+
+def _as_array(points: np.ndarray | Tensor) -> np.ndarray:
+    """(N, 3) finite float64 of whatever was given."""
+    if isinstance(points, Tensor):
+        points = points.detach().to("cpu", torch.float64).numpy()
+    points = np.asarray(points)
+    if points.dtype.kind not in "fiub" or points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        zeros = "; add a column of zeros to a planar cloud" if points.ndim == 2 and points.shape[1] == 2 else ""
+        raise ValueError(f"points are {points.dtype} {points.shape}, expected real numbers (N ≥ 1, 3){zeros}")
+    points = points.astype(np.float64, copy=False)
+    if not np.isfinite(points).all():
+        finite = np.isfinite(points).all(axis=1)
+        first, count = int(np.argmin(finite)), int((~finite).sum())
+        raise ValueError(f"point {first} is {points[first].tolist()} ({count} such); remove what is not finite")
+    return points
+
+
+def _as_tensors(planes: Planes, points: Tensor) -> TensorPlanes:
+    dtype = points.dtype if points.dtype.is_floating_point else torch.get_default_dtype()
+    columns = (planes.normals, planes.points, planes.confidences)
+    return TensorPlanes(*(torch.as_tensor(column, dtype=dtype, device=points.device) for column in columns))

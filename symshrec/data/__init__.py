@@ -1,0 +1,1 @@
+"""From shards to batches: the one datamodule and what it hands out."""

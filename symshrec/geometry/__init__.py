@@ -1,0 +1,1 @@
+"""Geometry that methods and people's tools share."""

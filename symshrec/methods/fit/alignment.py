@@ -1,0 +1,135 @@
+"""M4 step 4: robust point-to-plane least squares, on local planes that the symmetry itself has made denser.
+
+Under noise a share of the points is still exact. A local plane fitted to a point's neighbours and to the mirrored ones,
+which are further samples of the same surface, tells the exact from the noisy; the planes of symmetry then move so that
+the mirrored exact points lie in the local planes. Local planes go through the points themselves and not through the
+mirrored ones, which makes the step blind to where the planes of symmetry were.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from symshrec.methods.fit.coupling import find_relations
+from symshrec.methods.fit.ends import end_offset, near_ends
+from symshrec.methods.fit.steps import mirrored, stepped, tangents
+from symshrec.methods.fit.surface import Neighbours, falling, local_planes
+
+SURFACE_SCALES = (0.02, 0.008, 0.003)  # of the local planes, shares of the cloud's size like all lengths here
+MOST_MIRRORS = 6  # planes whose mirrored points are added to the local planes
+MATCHES = 4  # nearest points to a mirrored one
+FIRST_POINTS = 1000  # mirrored in the first round, when the matches are not yet final
+SCALES = ((0.005, 0.0035, 0.0025), (0.0025, 0.0015, 0.0015))  # of the residuals, in the first round and in the others
+RELATION_DEG, RELATION_DISTANCE = 2.0, 0.04
+LONGEST_STEP = 0.05
+CONVERGED = 2e-4  # the largest move in a round after which no other is worth its time
+DAMPING = 1e-6  # of a step, relative to the weight of the pairs
+LOCK = 1e3  # the same, of an offset the surface is blind to
+SLIDING = 0.03  # mean squared cosine between plane and surface normals below which the surface is blind to the offset
+
+
+@dataclass(frozen=True)
+class AlignmentSettings:
+    """points: mirrored in each plane. neighbours: points in a local plane. rounds: at most; 0 leaves planes alone."""
+
+    points: int = 2000
+    neighbours: int = 12
+    rounds: int = 10
+
+
+def aligned(
+    cloud: Tensor, normals: Tensor, offsets: Tensor, together: bool, settings: AlignmentSettings
+) -> tuple[Tensor, Tensor]:
+    """Symmetries (K, 3), (K,) of a cloud (N, 3), known to about 1°, to a tenth of that where points are exact.
+
+    Args:
+        cloud: in the frame of `frame_of`, any prefix of it being a random sample.
+        normals, offsets: the surest first, whose mirrored points make the local planes denser.
+        together: whether their relations tie them.
+    """
+    neighbours = Neighbours(cloud)
+    relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE) if together else None
+    blind = torch.zeros_like(offsets, dtype=torch.bool)
+    everyone = cloud[: settings.points]
+    nearest = neighbours.query(everyone, min(settings.neighbours, len(cloud)))
+    surroundings = cloud[nearest] - everyone[:, None]
+    for turn in range(settings.rounds):
+        if turn < 2:
+            rows = everyone[: FIRST_POINTS if turn == 0 and settings.rounds > 1 else settings.points]
+            nearest = neighbours.query(mirrored(rows, normals, offsets), min(MATCHES, len(cloud)))
+            matches = cloud[nearest]  # (K, M, n, 3)
+        denser = _with_mirrored(rows, surroundings[: len(rows)], matches, normals, offsets)
+        pairs = Pairs(rows, *local_planes(denser, SURFACE_SCALES), matches)
+        before = normals, offsets
+        for scale in SCALES[min(turn, 1)]:
+            basis = tangents(normals)
+            matrices, right, blind = pairs.system(normals, offsets, basis, scale)
+            normals, offsets = stepped(normals, offsets, basis, matrices, right, LONGEST_STEP, relations)
+        if max((normals - before[0]).abs().max(), (offsets - before[1]).abs().max()) < CONVERGED:
+            break
+    offsets = offsets.clone()
+    for row in torch.nonzero(blind)[:, 0].tolist():
+        offsets[row] = _middle(cloud, neighbours, normals[row], settings.neighbours).to(offsets.dtype)
+    return normals, offsets
+
+
+def _middle(cloud: Tensor, neighbours: Neighbours, normal: Tensor, count: int) -> Tensor:
+    """The offset midway between the ends of the cloud along a normal, points counting as surely as they are exact."""
+    heights = cloud @ normal
+    weights, near = torch.ones_like(heights), near_ends(heights)
+    nearest = neighbours.query(cloud[near], min(count, len(cloud)))
+    _, weights[near] = local_planes(cloud[nearest] - cloud[near][:, None], SURFACE_SCALES)
+    return end_offset(heights, weights)
+
+
+class Pairs:
+    """Points with their local planes and, for each of K planes of symmetry, points whose images should lie in them.
+
+    Args:
+        points, normals: (M, 3). certainty: (M,), how surely a point lies on the surface. matches: (K, M, n, 3).
+    """
+
+    def __init__(self, points: Tensor, normals: Tensor, certainty: Tensor, matches: Tensor):
+        count = matches.shape[2]
+        self.matches = matches.flatten(1, 2)  # (K, Mn, 3)
+        self.normals = normals
+        self.count = count
+        self.certainty = certainty.repeat_interleave(count)
+        repeated = normals.repeat_interleave(count, 0)
+        self.gaps = (self.matches * repeated).sum(-1) - (points * normals).sum(1).repeat_interleave(count)
+
+    def system(self, normals: Tensor, offsets: Tensor, basis: Tensor, scale: float) -> tuple[Tensor, Tensor, Tensor]:
+        """Normal equations of one step for planes (K, 3), (K,) along tangents (K, 2, 3) and the offset.
+
+        Residuals are the distances of the matches' images from the local planes; their weight falls with them.
+
+        Returns:
+            Matrices (K, 3, 3) and right sides (K, 3) float64, and whether the surface is blind to the offset (K,),
+            which then stays.
+        """
+        frames = torch.cat([normals[:, None], basis], 1)  # (K, 3, 3): the normal, then the tangents
+        heights = self.matches @ frames.mT
+        heights[..., 0] -= offsets[:, None]
+        cosines = (self.normals @ frames.mT).repeat_interleave(self.count, 1)  # (K, Mn, 3)
+        along = cosines[..., 0]
+        residuals = self.gaps - 2 * heights[..., 0] * along
+        weights = self.certainty * falling(residuals / scale)
+        turns = [heights[..., each] * along + heights[..., 0] * cosines[..., each] for each in (1, 2)]
+        slopes = torch.stack([*turns, -along, residuals / 2], 1) * -2  # (K, 4, Mn); the last, −residuals, is no slope
+        products = ((slopes[:, :3] * weights[:, None]) @ slopes.mT).double()
+        matrices, right = products[..., :3], products[..., 3]
+        total = weights.sum(1).double().clamp_min(1e-6)
+        blind = matrices[:, 2, 2] < 4 * SLIDING * total
+        ridge = (DAMPING * total)[:, None].repeat(1, 3)
+        ridge[:, 2] += torch.where(blind, LOCK * total, 0.0)
+        return matrices + torch.diag_embed(ridge), right, blind
+
+
+def _with_mirrored(rows: Tensor, around: Tensor, matches: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
+    """Places (M, k + Jn, 3) around points (M, 3) of their own neighbours (M, k, 3) and of the matches' J images."""
+    matches, normals, offsets = (each[:MOST_MIRRORS] for each in (matches, normals, offsets))
+    heights = (matches * normals[:, None, None]).sum(-1) - offsets[:, None, None]
+    images = matches - 2 * heights[..., None] * normals[:, None, None]
+    images = images.permute(1, 0, 2, 3).flatten(1, 2)  # (M, Jn, 3)
+    return torch.cat([around, images - rows[:, None]], 1)

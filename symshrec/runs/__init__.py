@@ -1,0 +1,1 @@
+"""Runs: how they are configured, evaluated, trained, and what they leave."""

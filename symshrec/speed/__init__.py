@@ -1,0 +1,1 @@
+"""Timings as ratios, and the plain implementations they are measured against."""

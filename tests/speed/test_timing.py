@@ -1,0 +1,51 @@
+"""What `bench` says of methods: lines that name what was timed, on the same clouds, with a ratio that fits them."""
+
+import pytest
+import torch
+
+from symshrec.benchmark.cloud import PUBLISHED_PERTURBATIONS
+from symshrec.methods.m3.module import M3
+from symshrec.methods.m4.module import M4
+from symshrec.reporting.tables.typeset import markdown
+from symshrec.runs.config import benchmark_of, load
+from symshrec.speed.timing import batch_timing, benchmark_clouds, method_timings, timings_grid
+
+
+@pytest.fixture(scope="module")
+def clouds():
+    small = ["data.benchmark.surface.points=1600", "data.benchmark.surface.citrus_points=1600"]
+    return benchmark_clouds(benchmark_of(load(["data=smoke", *small])))
+
+
+def seconds(text):
+    return float(text.partition(" s")[0])
+
+
+def test_the_timed_clouds_are_as_many_under_every_perturbation(clouds):
+    names = [cloud.labels.perturbation for cloud in clouds]
+    assert {name: names.count(name) for name in names} == dict.fromkeys(PUBLISHED_PERTURBATIONS, 7)
+
+
+def test_methods_have_a_line_beside_each_other_way(clouds, monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    timings = list(method_timings(M3(), M4(), M4(rounds=0), clouds[:2]))
+    table = markdown(timings_grid(timings))
+    for part in (
+        "M3 (R1), median",
+        "20–60 s",
+        "M4, median",
+        "0.119 s",
+        "mean and longest",
+        "against M3 (R1)",
+        "M4 fast, median",
+    ):
+        assert part in table
+    for timing in timings:
+        assert seconds(timing.ours) > 0
+        assert timing.ratio == pytest.approx(seconds(timing.other) / seconds(timing.ours), rel=0.2)
+
+
+def test_a_batch_is_timed_by_the_cloud(clouds):
+    timing = batch_timing(M4(), clouds[:2], 1.0, "cpu")
+    assert "2 in a batch on cpu" in timing.what
+    assert timing.ratio == pytest.approx(1 / seconds(timing.ours), rel=0.05)
