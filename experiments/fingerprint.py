@@ -1,5 +1,5 @@
 """Which silent choices fit M3's published profile: `python experiments/fingerprint.py --multirun
-'experiment=glob(fingerprint_*)' method.workers=2`; every job leaves results/fingerprint.md up to date."""
+'fingerprint=glob(*)' method.workers=2`; every job leaves results/fingerprint.md up to date."""
 
 from pathlib import Path
 
@@ -19,12 +19,11 @@ def fingerprint(config: DictConfig) -> None:
     generate_dataset(benchmark_of(config), config.data.root, workers=config.workers)
     evaluate(config)
     finished = {}
-    for delta in sorted((conf_folder() / "experiment").glob("fingerprint_*.yaml")):
-        other = load([f"experiment={delta.stem}"])
+    for delta in sorted((conf_folder() / "fingerprint").glob("*.yaml")):
+        other = load([f"fingerprint={delta.stem}"])
         path = Path(config.paths.runs) / f"{other.data.name}{other.data.variant}" / other.name / "metrics.json"
         if path.exists():
-            comment = delta.read_text().splitlines()[1].removeprefix("# ")
-            finished[other.name] = (comment, read_result(path))
+            finished[other.name] = (other.title, read_result(path))
     results = Path(config.paths.results)
     results.mkdir(exist_ok=True)
     text = markdown(fingerprint_grid(finished))

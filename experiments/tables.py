@@ -14,7 +14,7 @@ from symshrec.reporting.tables.compared import compare_runs
 from symshrec.reporting.tables.published_tables import write_tables
 from symshrec.reporting.tables.refinement import write_refinement
 from symshrec.reporting.tables.results import is_oracle, provenance, read_result
-from symshrec.runs.config import entry
+from symshrec.runs.config import entry, so3_rows, table_rows
 from symshrec.runs.evaluate import datamodule_of
 
 
@@ -23,15 +23,15 @@ def tables(config: DictConfig) -> None:
     """Read the runs that `tables` names, write results/<data>/, print what was written and what has not run."""
     data = f"{config.data.name}{config.data.variant}"
     runs, results = Path(config.paths.runs) / data, Path(config.paths.results) / data
-    main = _finished(config, data, config.tables)
+    main = _finished(config, data, table_rows(config))
     if not main:
         raise ValueError(
-            f"no metrics.json in {', '.join(str(runs / name) for name in config.tables)}; "
+            f"no metrics.json in {', '.join(str(runs / name) for name in table_rows(config))}; "
             f"python experiments/evaluate.py --multirun sweep=tables data={config.data.name} makes them"
         )
-    _finished(config, data, config.cards)  # kept, and in no table
-    hard = _finished(config, config.data.hard, config.tables)
-    so3 = _finished(config, f"{config.data.name}-so3", config.tables_so3)
+    _finished(config, data, config.rows.cards)  # kept, and in no table
+    hard = _finished(config, config.data.hard, table_rows(config))
+    so3 = _finished(config, f"{config.data.name}-so3", so3_rows(config))
     finished = list(main.values())
     written, text = write_tables(finished, results, hard=list(hard.values()), so3=list(so3.values()))
     print(text)
@@ -42,7 +42,7 @@ def tables(config: DictConfig) -> None:
     written += refined + make_result_figures(finished, results, searched)
     print(text)
     print("\n".join(f"written: {path}" for path in written))
-    if missing := [name for name in config.tables if name not in main]:
+    if missing := [name for name in table_rows(config) if name not in main]:
         print(f"not run, so left out: {', '.join(missing)}")
 
 

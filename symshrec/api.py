@@ -14,10 +14,11 @@ from omegaconf.errors import OmegaConfBaseException
 from torch import Tensor
 
 from symshrec.methods import DEFAULT
-from symshrec.methods.detector import SETTINGS, Detector, one_thread, training_free
+from symshrec.methods.detector import Detector, made, one_thread
 from symshrec.methods.fit import refined
+from symshrec.methods.registry import check_method_name
 from symshrec.planes import Planes
-from symshrec.runs.config import conf_folder, load, method_of
+from symshrec.runs.config import load
 
 MOST_POINTS = 100_000  # that a method is given, unless told
 BLOCK = 65_536  # points of a larger cloud that are worked on at once, so that no second one of its size is held
@@ -142,23 +143,17 @@ def named_method(name: str, **arguments) -> Detector:
 
 @functools.lru_cache(maxsize=8)
 def _made(name: str, arguments: str) -> Detector:
-    names = sorted(path.stem for path in (conf_folder() / "method").glob("*.yaml"))
-    if name not in names:
-        raise ValueError(f"there is no method {name!r}; there is {', '.join(names)}")
+    check_method_name(name)
     config, chosen = load([f"method={name}"]), json.loads(arguments)
-    valid = sorted(key for key in config.method if key not in ("_target_", "name"))
+    valid = sorted(key for key in config.method if key != "name")
     if unknown := sorted(set(chosen) - set(valid)):
         raise ValueError(f"method {name} has no argument {unknown[0]!r}; it has {', '.join(valid)}")
     try:
         config.method = OmegaConf.merge(config.method, chosen)
-    except OmegaConfBaseException as error:
-        raise ValueError(f"method {name}: {str(error).splitlines()[0]}") from error
-    try:
-        if name in SETTINGS:
-            return training_free(name, **{key: config.method[key] for key in valid if key != "workers"})
-    except ValueError as error:
-        raise ValueError(f"method {name}: {error}") from error
-    return method_of(config)
+        return made(name, OmegaConf.to_object(config.method))
+    except (ValueError, OmegaConfBaseException) as error:
+        text = str(error.__cause__ or error).splitlines()[0]
+        raise ValueError(text if text.startswith("method ") else f"method {name}: {text}") from error
 
 
 def _detector(method: str | Detector, arguments: dict) -> Detector:

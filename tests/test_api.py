@@ -9,11 +9,12 @@ import torch
 
 import symshrec
 from symshrec import api
-from symshrec.api import STRAIGHT, Frame, method_of, named_method
+from symshrec.api import STRAIGHT, Frame, named_method
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.detector import TrainingFree
+from symshrec.methods.settings import MethodSettings
 from symshrec.planes import Planes, axis_angles
-from symshrec.runs.config import load
+from symshrec.runs.config import load, method_of
 
 METHOD = "m4"
 BOX = np.array([1.0, 2.0, 3.0])
@@ -85,7 +86,7 @@ def test_tensors_give_tensors(dtype):
 
 
 def test_limits():
-    points, method = box_points(), BoxMethod(count_threshold=0.65)
+    points, method = box_points(), BoxMethod(MethodSettings(count_threshold=0.65))
     assert symshrec.detect(points, method).confidences.tolist() == [0.9]
     assert symshrec.detect(points, method, min_confidence=0.6).confidences.tolist() == [0.9, 0.6]
     assert symshrec.detect(points, method, min_confidence=0, max_planes=1).confidences.tolist() == [0.9]
@@ -138,9 +139,7 @@ def test_a_method_by_name_finds_what_its_lightning_module_finds(name, refine):
 def test_a_training_free_method_computes_on_one_thread_and_gives_the_others_back():
     threads = torch.get_num_threads()
     seen = []
-    method = TrainingFree(
-        lambda points, _: seen.append(torch.get_num_threads()) or Planes.empty(), None, 0.5, False, False
-    )
+    method = TrainingFree(lambda points, _: seen.append(torch.get_num_threads()) or Planes.empty(), MethodSettings())
     try:
         torch.set_num_threads(2)
         symshrec.detect(box_points(), method)

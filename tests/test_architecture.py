@@ -23,7 +23,7 @@ def test_a_wheel_brings_its_configuration_and_the_published_tables(tmp_path):
         archive.extractall(tmp_path / "site")
     program = (
         "import symshrec.runs.config as c, symshrec.reporting.tables.published as p\n"
-        "print(c.conf_folder(), c.load(['run=k250']).method.neighbours, len(p.published_cells()))"
+        "print(c.conf_folder(), c.load(['run=m3_r2']).method.neighbours, len(p.published_cells()))"
     )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
     command = [sys.executable, "-c", program]

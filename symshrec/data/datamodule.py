@@ -1,6 +1,6 @@
 """The one LightningDataModule, over generated shards or the track's own folders."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from symshrec.benchmark.shards import ShardedSplit
 from symshrec.data.batch import Batch, SampledBatch
 from symshrec.data.rounds import RoundSampler
 from symshrec.data.samples import cached_samples
-from symshrec.data.settings import DataKind, SamplingKind
+from symshrec.data.settings import DataKind, DataSettings, SamplingKind
 from symshrec.scans.folder import CloudFolder
 
 
@@ -83,60 +83,27 @@ class SymmetryDataModule(LightningDataModule):
     Training needs samples, which it holds in memory, so that no step waits for the disk.
 
     Args:
-        root: folder of shards, or of `benchmark-train/` and `benchmark-test/` (or one such folder itself).
-        kind: what `root` holds.
-        batch_size, workers: of the loaders.
-        fold, folds: which part of the training split validates; folds are balanced over families and perturbations.
-        families, perturbations, solids: keep only clouds with these labels; None keeps all.
-        limit: keep only the first so many clouds of each split; None keeps all.
-        subset: keep only clouds whose ID stands in this text file, one a line (official folders).
-        sampling, points, seed: draw `points` points a cloud and cache the choice under `root`/samples.
-        verify: compare every shard with its sha256 before use.
-        test_split: what test and predict read; `train` for studies that must leave the test split alone.
+        settings: what is loaded and how.
+        seed: of the folds, of random samples and of the order of the training clouds.
         train_batch_size, steps_per_round: of the training loader; see `RoundSampler`.
-        validation_clouds: the first so many of the validating fold, which the split has in no order; None takes all.
 
     Raises:
-        ValueError: for an unknown label or fold, or where the filters leave no cloud.
+        ValueError: for an unknown label, or where the filters leave no cloud.
     """
 
     def __init__(
-        self,
-        root: str | Path,
-        kind: DataKind = DataKind.shards,
-        batch_size: int = 32,
-        workers: int = 0,
-        fold: int = 0,
-        folds: int = 5,
-        families: Collection[str] | None = None,
-        perturbations: Collection[str] | None = None,
-        solids: Collection[str] | None = None,
-        limit: int | None = None,
-        subset: str | Path | None = None,
-        sampling: SamplingKind = SamplingKind.none,
-        points: int = 1024,
-        seed: int = 2023,
-        verify: bool = True,
-        test_split: str = "test",
-        train_batch_size: int = 64,
-        steps_per_round: int = 500,
-        validation_clouds: int | None = None,
+        self, settings: DataSettings, seed: int = 2023, train_batch_size: int = 64, steps_per_round: int = 500
     ):
         super().__init__()
-        if not 0 <= fold < folds:
-            raise ValueError(f"data.fold is {fold}; with {folds} folds it must be between 0 and {folds - 1}")
-        self.keep = {"families": families, "perturbations": perturbations, "solids": solids}
         known = {"families": FAMILIES, "perturbations": tuple(PERTURBATIONS), "solids": SOLIDS}
+        self.keep = {name: getattr(settings, name) for name in known}
         for name, wanted in self.keep.items():
             unknown = sorted(set(wanted or ()) - set(known[name]))
             if unknown:
                 raise ValueError(f"data.{name} holds {unknown}; choose from {', '.join(known[name])}")
-        self.root, self.kind, self.verify, self.subset = Path(root), kind, verify, subset
-        self.batch_size, self.workers, self.seed = batch_size, workers, seed
-        self.fold, self.folds, self.limit = fold, folds, limit
-        self.sampling, self.points, self.test_split = sampling, points, test_split
+        self.settings, self.seed = settings, seed
+        self.root, self.test_split = Path(settings.root), settings.test_split
         self.train_batch_size, self.steps_per_round = train_batch_size, steps_per_round
-        self.validation_clouds = validation_clouds
         self.datasets: dict[str, Dataset] = {}
         self._splits: dict[str, tuple] = {}
 
@@ -147,16 +114,16 @@ class SymmetryDataModule(LightningDataModule):
             ValueError: for a test on clouds without truth; and what those classes raise.
         """
         if name not in self._splits:
-            if self.kind is DataKind.shards:
-                self._splits[name] = ShardedSplit(self.root, name, verify=self.verify)
-            elif self.kind is DataKind.clouds:
+            if self.settings.kind is DataKind.shards:
+                self._splits[name] = ShardedSplit(self.root, name, verify=self.settings.verify)
+            elif self.settings.kind is DataKind.clouds:
                 if name != "train":
                     raise ValueError(
                         f"data.kind=clouds has no split {name!r} with truth; it is there to train on alone"
                     )
                 self._splits[name] = CloudFolder(self.root)
             else:
-                self._splits[name] = OfficialFolder(self.root, subset=self.subset, split=name)
+                self._splits[name] = OfficialFolder(self.root, subset=self.settings.subset, split=name)
         return self._splits[name]
 
     def positions(self, name: str) -> np.ndarray:
@@ -166,7 +133,7 @@ class SymmetryDataModule(LightningDataModule):
         for attribute, wanted in self.keep.items():
             if wanted is not None:
                 kept &= np.isin(getattr(split, attribute), list(wanted))
-        positions = np.flatnonzero(kept)[: self.limit]
+        positions = np.flatnonzero(kept)[: self.settings.limit]
         if not len(positions):
             wanted = ", ".join(f"{name}={list(value)}" for name, value in self.keep.items() if value is not None)
             raise ValueError(f"{self.root}, split {name}: no cloud is left by the filters ({wanted or 'none set'})")
@@ -174,15 +141,15 @@ class SymmetryDataModule(LightningDataModule):
 
     def samples(self, name: str) -> np.ndarray | None:
         """(C, points) sample indices of the split `name`, drawn once; None where none are asked for."""
-        if self.sampling is SamplingKind.none:
+        if self.settings.sampling.kind is SamplingKind.none:
             return None
-        split = self.split(name)
+        split, sampling = self.split(name), self.settings.sampling
         folder = self.root / "samples" / name
-        return cached_samples(split, self.sampling, self.points, self.seed, folder, split.fingerprint)
+        return cached_samples(split, sampling.kind, sampling.points, self.seed, folder, split.fingerprint)
 
     def prepare_data(self) -> None:
         """Draw missing samples of the split the trainer is about to use, in one process."""
-        if self.trainer is not None and self.sampling is not SamplingKind.none:
+        if self.trainer is not None and self.settings.sampling.kind is not SamplingKind.none:
             self.samples("train" if self.trainer.state.fn in ("fit", "validate") else self.test_split)
 
     def setup(self, stage: str | None = None) -> None:
@@ -192,7 +159,7 @@ class SymmetryDataModule(LightningDataModule):
             train, val = self._fold(positions)
             if stage == "fit":
                 self.datasets["train"] = SampledDataset(split, positions[train], self._needed(samples))
-            self.datasets["val"] = CloudDataset(split, positions[val][: self.validation_clouds], samples)
+            self.datasets["val"] = CloudDataset(split, positions[val][: self.settings.validation_clouds], samples)
         if stage in ("test", "predict", None):
             name = self.test_split
             self.datasets["test"] = CloudDataset(self.split(name), self.positions(name), self.samples(name))
@@ -209,15 +176,20 @@ class SymmetryDataModule(LightningDataModule):
     def _fold(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         split = self.split("train")
         strata = np.char.add(split.families[positions].astype(str), split.perturbations[positions].astype(str))
-        if min(np.unique(strata, return_counts=True)[1]) < self.folds:
+        if min(np.unique(strata, return_counts=True)[1]) < self.settings.folds:
             strata = np.zeros(len(positions), dtype=int)
-        if len(positions) < self.folds:
-            raise ValueError(f"{len(positions)} training clouds cannot be split into {self.folds} folds")
-        folds = StratifiedKFold(self.folds, shuffle=True, random_state=self.seed)
-        return list(folds.split(positions, strata))[self.fold]
+        if len(positions) < self.settings.folds:
+            raise ValueError(f"{len(positions)} training clouds cannot be split into {self.settings.folds} folds")
+        folds = StratifiedKFold(self.settings.folds, shuffle=True, random_state=self.seed)
+        return list(folds.split(positions, strata))[self.settings.fold]
 
     def _loader(self, name: str) -> DataLoader:
-        return DataLoader(self.datasets[name], batch_size=self.batch_size, num_workers=self.workers, collate_fn=collate)
+        return DataLoader(
+            self.datasets[name],
+            batch_size=self.settings.batch_size,
+            num_workers=self.settings.workers,
+            collate_fn=collate,
+        )
 
     def train_dataloader(self) -> DataLoader:
         """Batches of one round; the sampler is told its number by Lightning."""

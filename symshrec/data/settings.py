@@ -1,6 +1,10 @@
-"""How clouds are loaded, as typed values that the schema and the datamodule share. No torch here: it loads slowly."""
+"""Where clouds come from and how they are loaded, as typed values: the schema of conf/data and the datamodule's
+only description. No torch here: it loads slowly."""
 
+from dataclasses import dataclass, field
 from enum import Enum
+
+from symshrec.benchmark.config import BenchmarkConfig
 
 
 class DataKind(Enum):
@@ -17,3 +21,62 @@ class SamplingKind(Enum):
     none = "none"
     farthest = "farthest"
     random = "random"
+
+
+@dataclass(frozen=True)
+class SamplingSettings:
+    """Points drawn once a cloud and cached beside the data; by the run's seed where chance draws them."""
+
+    kind: SamplingKind = SamplingKind.none
+    points: int = 1024
+
+
+@dataclass(frozen=True)
+class DataSettings:
+    """Where clouds come from, which of them count, and how they are loaded.
+
+    Args:
+        name, variant: what the data are called in results; the variant names what differs from the defaults.
+        kind: what `root` holds.
+        root: folder of shards, or of `benchmark-train/` and `benchmark-test/` (or one such folder itself).
+        batch_size, workers: of the loaders.
+        fold, folds: which part of the training split validates; folds are balanced over families and perturbations.
+        families, perturbations, solids: keep only clouds with these labels; None keeps all.
+        limit: keep only the first so many clouds of each split; None keeps all.
+        subset: keep only clouds whose ID stands in this text file, one a line (official folders).
+        verify: compare every shard with its sha256 before use.
+        test_split: what test and predict read; `train` for studies that must leave the test split alone.
+        validation_clouds: the first so many of the validating fold, which the split has in no order; None takes all.
+        hard: the data whose P6–P9 stand beside this one's tables.
+        sampling: see `SamplingSettings`.
+        benchmark: how shards are made, where they are.
+
+    Raises:
+        ValueError: for a fold that there is not.
+    """
+
+    name: str = "clouds"
+    variant: str = ""
+    kind: DataKind = DataKind.shards
+    root: str = "data"
+    batch_size: int = 32
+    workers: int = 0
+    fold: int = 0
+    folds: int = 5
+    families: list[str] | None = None
+    perturbations: list[str] | None = None
+    solids: list[str] | None = None
+    limit: int | None = None
+    subset: str | None = None
+    verify: bool = True
+    test_split: str = "test"
+    validation_clouds: int | None = 1000
+    hard: str = "hard_quick"
+    sampling: SamplingSettings = field(default_factory=SamplingSettings)
+    benchmark: BenchmarkConfig = field(default_factory=BenchmarkConfig)
+
+    def __post_init__(self):
+        if not 0 <= self.fold < self.folds:
+            raise ValueError(
+                f"data.fold is {self.fold}; with {self.folds} folds it must be between 0 and {self.folds - 1}"
+            )

@@ -9,6 +9,7 @@ from torch import Tensor
 from symshrec.data.batch import Batch
 from symshrec.files.pool import DetectionPool, Find, detect_named
 from symshrec.methods.fit import refined
+from symshrec.methods.settings import MethodSettings
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -16,26 +17,43 @@ from symshrec.planes import Planes
 class SymmetryMethod(LightningModule):
     """A detector of mirror planes (section 3).
 
-    A method implements `detect`, and `detect_batch` where it gains from seeing many clouds at once. It knows nothing of
-    how clouds are made or stored. One that is told the true planes says so with `oracle`: tables show it as a limit to
-    hold the others against, and never as the best of them.
+    A method states its `Settings` and its `version`, and implements `detect`, and `detect_batch` where it gains from
+    seeing many clouds at once. It knows nothing of how clouds are made or stored.
 
     Args:
-        count_threshold: planes of at least this confidence count as found in the count accuracy.
-        workers: processes for what is done cloud by cloud on the CPU; 0 and 1 work in this one. They start with the
-            first batch and end with the run. The planes do not depend on their number.
-        refine: whether refinement follows detection (see `refine_planes`).
+        settings: an instance of the class's `Settings`; None takes its defaults.
+
+    Attributes:
+        Settings: the frozen dataclass of its settings.
+        version: raised whenever the planes change that the same settings give. Stored runs are known by it. Of a method
+            that states none, they are known by its source code.
+        oracle: whether it is given the true planes: tables show it as a limit to hold the others against, and never as
+            the best of them.
     """
 
+    Settings: type[MethodSettings] = MethodSettings
+    version: int | None = None
     oracle = False
 
-    def __init__(self, count_threshold: float = 0.5, workers: int = 0, refine: bool = False):
+    def __init__(self, settings: MethodSettings | None = None):
         super().__init__()
-        self.count_threshold, self.refine = count_threshold, refine
-        self.pool = DetectionPool(workers)
+        self.settings = self.Settings() if settings is None else settings
+        if not isinstance(self.settings, self.Settings):
+            raise TypeError(f"{type(self).__name__} takes {self.Settings.__name__}, not {type(settings).__name__}")
+        self.pool = DetectionPool(self.settings.workers)
         self.test_metric: SymmetryMetric | None = None
         self.known: Mapping[int, Planes] = {}
         self.detected: Mapping[int, Planes] = {}
+
+    @property
+    def count_threshold(self) -> float:
+        """Planes of at least this confidence count as found."""
+        return self.settings.count_threshold
+
+    @property
+    def refine(self) -> bool:
+        """Whether refinement follows detection (see `refine_planes`)."""
+        return self.settings.refine
 
     @abstractmethod
     def detect(self, points: Tensor) -> Planes:

@@ -3,15 +3,15 @@
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any, Protocol
 
 import torch
 from torch import Tensor
 
+from symshrec.methods.registry import detect_planes_of, method_class
+from symshrec.methods.settings import MethodSettings
 from symshrec.planes import Planes
 
-SETTINGS = {"m3": "M3Settings", "m4": "M4Settings"}  # of `detect_planes`, beside it in the method's detection.py
 ARRAYS = ("m3",)  # work on arrays, wherever the points lie
 
 
@@ -34,25 +34,32 @@ class TrainingFree:
     """A method with nothing to train: a function of points (N, 3), a tensor or an array, and of its settings."""
 
     find: Callable[[Any, Any], Planes]
-    settings: Any
-    count_threshold: float
-    refine: bool
-    arrays: bool
+    settings: MethodSettings
+
+    @property
+    def count_threshold(self) -> float:
+        """The method's own."""
+        return self.settings.count_threshold
+
+    @property
+    def refine(self) -> bool:
+        """Whether refinement follows."""
+        return self.settings.refine
 
     def detect(self, points: Tensor) -> Planes:
         """`find(points, settings)`, which says what it raises."""
-        return self.find(points.detach().cpu().numpy() if self.arrays else points, self.settings)
+        arrays = self.settings.name in ARRAYS
+        return self.find(points.detach().cpu().numpy() if arrays else points, self.settings)
 
 
-def training_free(name: str, count_threshold: float, refine: bool, **settings) -> TrainingFree:
-    """The method of SETTINGS with this name.
+def made(name: str, settings: MethodSettings) -> Detector:
+    """The method of this name with these settings, without Lightning where it does without.
 
     Raises:
-        ValueError: naming the setting that is out of its range.
+        ValueError: for weights that cannot be used, or as `registry.method_class`.
     """
-    home = import_module(f"symshrec.methods.{name}.pipeline")
-    chosen = getattr(home, SETTINGS[name])(**settings)
-    return TrainingFree(home.detect_planes, chosen, count_threshold, refine, name in ARRAYS)
+    find = detect_planes_of(name)
+    return method_class(name)(settings) if find is None else TrainingFree(find, settings)
 
 
 @contextmanager

@@ -2,8 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from enum import Enum
+from dataclasses import dataclass, is_dataclass, replace
 
 import torch
 from torch import Tensor, nn
@@ -12,7 +11,8 @@ from symshrec.data.batch import Batch, SampledBatch
 from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.optimiser import OptimiserSettings
-from symshrec.methods.weights import Weights, load_into, read_weights
+from symshrec.methods.settings import LearnedSettings, plain_settings, restored_settings
+from symshrec.methods.weights import Weights, WeightsError, load_into, read_weights
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -48,19 +48,27 @@ class UnitSphere:
 class LearnedMethod(SymmetryMethod):
     """A method with a network over N sampled points of a cloud.
 
-    A method implements `network_of`, `losses` and `detect_sampled`, and calls `build` at the end of its constructor.
+    Its settings derive from `LearnedSettings` and have a `network`, a dataclass of scalars, Enums and tuples with the
+    field `points`. A method implements `network_of`, `losses` and `detect_sampled`.
 
-    Args:
-        weights: names of shipped weights or .safetensors files. Several are trainings of the same network on different
-            folds, and answer together. None leaves a network that must be trained first.
-        count_threshold, workers, refine: see `SymmetryMethod`.
+    Weights bring the network that they belong to, and the settings named in `DETECTION` that their training was judged
+    with: those which were left at their defaults are the weights' own.
+
+    Raises:
+        WeightsError: for weights that cannot be used, or of different networks.
     """
 
     name: str  # of the method, in weights files
+    Settings: type[LearnedSettings] = LearnedSettings
+    DETECTION: tuple[str, ...] = ()
 
-    def __init__(self, weights: Sequence[str], count_threshold: float, workers: int, refine: bool):
-        super().__init__(count_threshold, workers, refine)
-        self.weights = [read_weights(name, self.name) for name in weights]
+    def __init__(self, settings: LearnedSettings | None = None):
+        super().__init__(settings)
+        self.weights = [read_weights(name, self.name) for name in self.settings.weights]
+        self.settings = self._with_those_of_weights(self.settings)
+        self.networks = nn.ModuleList(self.network_of(self.network_settings) for _ in self.weights or [None])
+        for network, weights in zip(self.networks, self.weights, strict=False):
+            load_into(network, weights)
         self.optimiser, self.steps, self.seed, self.rotate = OptimiserSettings(), 1, 0, False
         self.cooldown_from: int | None = None
         self.val_metric: SymmetryMetric | None = None
@@ -77,18 +85,30 @@ class LearnedMethod(SymmetryMethod):
     def detect_sampled(self, points: Tensor) -> list[Planes]:
         """The planes of clouds (B, N, 3) in the clouds' own coordinates."""
 
-    def build(self, settings) -> nn.ModuleList:
-        """A network by these settings, or those that the weights bring with them."""
-        kinds = {str(each.network): each.network for each in self.weights}
+    @property
+    def network_settings(self):
+        """The network's settings: those of the weights, where there are any."""
+        return self.settings.network
+
+    def detection_settings(self) -> dict:
+        """What a weights file keeps of the settings besides the network: those of `DETECTION`, plain."""
+        plain = plain_settings(self.settings)
+        return {name: plain[name] for name in self.DETECTION}
+
+    def _with_those_of_weights(self, settings: LearnedSettings) -> LearnedSettings:
+        kinds = {str(each.network): each for each in self.weights}
         if len(kinds) > 1:
-            raise ValueError(f"weights of different networks cannot answer together: {'; '.join(kinds)}")
-        for network in kinds.values():
-            settings = restored_settings(type(settings), network)
-        self.network_settings = settings
-        networks = nn.ModuleList(self.network_of(settings) for _ in self.weights or [None])
-        for network, weights in zip(networks, self.weights, strict=False):
-            load_into(network, weights)
-        return networks
+            raise WeightsError(f"weights of different networks cannot answer together: {'; '.join(kinds)}")
+        for weights in kinds.values():
+            settings = replace(settings, network=weights.restored(type(settings.network)))
+        given, default = plain_settings(settings), plain_settings(type(settings)())
+        stored = [each.detection for each in self.weights]
+        if any(each != stored[0] for each in stored):
+            raise WeightsError("weights judged with different settings cannot answer together; give them one by one")
+        for name, value in (stored[0] if stored else {}).items():
+            if name in self.DETECTION and given[name] == default[name]:
+                settings = replace(settings, **{name: _like(getattr(settings, name), value)})
+        return settings
 
     def start_from(self, name: str) -> Weights:
         """Take over shipped weights, or those in a file, before training; returns them with their record.
@@ -196,18 +216,6 @@ class LearnedMethod(SymmetryMethod):
             self.log_dict({f"val/{name}": float(value) for name, value in means.items()}, sync_dist=True)
 
 
-def plain_settings(settings) -> dict:
-    """Settings as what JSON holds: enums by name."""
-    return {key: value.name if isinstance(value, Enum) else value for key, value in asdict(settings).items()}
-
-
-def restored_settings(kind: type, plain: dict):
-    """Settings of a kind from what `plain_settings` gave."""
-    fields = kind.__dataclass_fields__
-    enums = {name: field.type for name, field in fields.items() if isinstance(field.type, type)}
-    return kind(
-        **{
-            key: enums[key][value] if issubclass(enums.get(key, object), Enum) else value
-            for key, value in plain.items()
-        }
-    )
+def _like(setting, plain):
+    """A plain value as what the setting is: a dataclass restored, anything else as it is."""
+    return restored_settings(type(setting), plain) if is_dataclass(setting) else plain

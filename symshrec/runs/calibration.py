@@ -11,7 +11,8 @@ from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.benchmark.generate import generate_cloud
 from symshrec.methods.fit.frame import frame_of
 from symshrec.methods.m4.confidence import features
-from symshrec.methods.m4.pipeline import M4Settings, Search
+from symshrec.methods.m4.pipeline import Search
+from symshrec.methods.m4.settings import M4Settings
 from symshrec.planes import axis_angles
 
 TRUE, NEITHER = 1.5, 3.0  # degrees and percent of the diagonal: true below the first, left out up to the second

@@ -4,7 +4,7 @@ import functools
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,13 +14,14 @@ from hydra import compose, initialize_config_dir
 from hydra.core.config_store import ConfigStore
 from hydra.core.global_hydra import GlobalHydra
 from hydra.core.override_parser.overrides_parser import OverridesParser
-from hydra.errors import HydraException, InstantiationException
-from hydra.utils import instantiate
+from hydra.errors import HydraException
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from symshrec.benchmark.config import BenchmarkConfig
-from symshrec.runs.schema import METHODS, Config
+from symshrec.methods.registry import BUILT_IN, DOTTED, method_class, method_names, settings_class
+from symshrec.methods.settings import plain_settings
+from symshrec.runs.schema import Config
 
 if TYPE_CHECKING:
     from symshrec.methods.base import SymmetryMethod  # Lightning, which takes seconds to import
@@ -35,10 +36,45 @@ def conf_folder() -> Path:
 def register() -> None:
     """Make the schema known to Hydra, and `${when:condition,text}`: the text where the condition holds, or nothing."""
     OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
+    OmegaConf.register_new_resolver("join", ",".join, replace=True)
     store = ConfigStore.instance()
-    store.store(name="schema", node=Config)
-    for name, node in METHODS.items():
-        store.store(group="method", name=f"{name}_schema", node=node)
+    store.store(name="schema", node=_writable(OmegaConf.structured(Config)))
+    for name in BUILT_IN:
+        store.store(group="method", name=f"{name}_schema", node=_method_node(name))
+
+
+def register_methods(overrides: Sequence[str]) -> None:
+    """Let `method=NAME` choose a method of another package, by its entry point, or any class by its dotted path.
+
+    Raises:
+        ValueError: for one that cannot be imported or is no method.
+    """
+    values = (word.split("=", 1)[1] for word in overrides if word.startswith(("method=", "+method=")))
+    store = ConfigStore.instance()
+    for name in (each.strip("'\" ") for value in values for each in value.split(",")):
+        if not (conf_folder() / "run" / f"{name}.yaml").exists():  # a run of its own, called as the method is
+            store.store(group="run", name=name, node={}, package="_global_")
+        if (conf_folder() / "method" / f"{name}.yaml").exists():
+            continue
+        if name in method_names() or DOTTED.fullmatch(name):
+            store.store(group="method", name=name, node=_method_node(name))
+
+
+def _method_node(name: str) -> DictConfig:
+    """The settings of a method as a node of the schema, `name` being what chooses it."""
+    node = _writable(OmegaConf.structured(settings_class(name)))
+    node.name = name
+    return node
+
+
+def _writable(node: DictConfig) -> DictConfig:
+    """Frozen dataclasses make read-only nodes; settings are frozen, configurations are there to be overridden."""
+    OmegaConf.set_readonly(node, None)
+    for key in node:
+        child = node._get_node(key)
+        if isinstance(child, DictConfig) and not child._is_none() and not child._is_missing():
+            _writable(child)
+    return node
 
 
 def load(overrides: list[str] | None = None) -> DictConfig:
@@ -48,6 +84,7 @@ def load(overrides: list[str] | None = None) -> DictConfig:
         ValueError: for an unknown key or a value of the wrong kind, naming it and the valid ones.
     """
     register()
+    register_methods(overrides or [])
     try:
         if GlobalHydra.instance().is_initialized():
             return compose("config", overrides=overrides or [])
@@ -55,6 +92,17 @@ def load(overrides: list[str] | None = None) -> DictConfig:
             return compose("config", overrides=overrides or [])
     except (HydraException, OmegaConfBaseException) as error:
         raise ValueError(_explain(error)) from error
+
+
+def table_rows(config: DictConfig) -> list[str]:
+    """Names of the tables' rows, in their order: the paper's, ours, the refined ones, the oracle last."""
+    rows = config.rows
+    return [*rows.published, *rows.ours, *(f"{name}_refine" for name in rows.refined), "oracle_refine"]
+
+
+def so3_rows(config: DictConfig) -> list[str]:
+    """Likewise of table_so3."""
+    return [*config.rows.so3, *(f"{name}_refine" for name in config.rows.so3_refined)]
 
 
 def benchmark_of(config: DictConfig) -> BenchmarkConfig:
@@ -68,14 +116,13 @@ def method_of(config: DictConfig) -> "SymmetryMethod":
     Raises:
         ValueError: for arguments that the method refuses, or weights that are not there.
     """
-    arguments = OmegaConf.masked_copy(config.method, [key for key in config.method if key != "name"])
     try:
-        method = instantiate(arguments, _convert_="object")  # settings become the dataclasses they are, lists plain
-    except InstantiationException as error:
-        if isinstance(error.__cause__, ValueError):
-            raise ValueError(f"method {config.method.name}: {error.__cause__}") from error
-        raise
-    method.hparams.update(OmegaConf.to_container(config.method, resolve=True, enum_to_str=True))
+        settings = OmegaConf.to_object(config.method)
+        method = method_class(config.method.name)(settings)
+    except (ValueError, OmegaConfBaseException) as error:
+        text = str(error.__cause__ or error).splitlines()[0]
+        raise ValueError(text if text.startswith("method ") else f"method {config.method.name}: {text}") from error
+    method.hparams.update(plain_settings(method.settings))
     return method
 
 
@@ -126,6 +173,8 @@ def entry(task: Callable[[DictConfig], None]) -> Callable[[], None]:
 
     def command() -> None:
         register()
+        with _one_line_errors():
+            register_methods(sys.argv[1:])
         if not any(word in ("--help", "-h", "--hydra-help", "--info", "-i") for word in sys.argv[1:]):
             with _one_line_errors():
                 _check(sys.argv[1:])

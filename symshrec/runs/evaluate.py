@@ -30,19 +30,8 @@ NO_INFLUENCE = ("name", "workers", "weights")  # of a method's configuration, on
 
 def datamodule_of(config: DictConfig) -> SymmetryDataModule:
     """The datamodule that `config.data` describes."""
-    data = config.data
-    lists = {name: None if data[name] is None else list(data[name]) for name in ("families", "perturbations", "solids")}
-    names = ("root", "kind", "batch_size", "workers", "fold", "folds", "limit", "subset", "verify", "test_split")
-    return SymmetryDataModule(
-        **{name: data[name] for name in names},
-        **lists,
-        sampling=data.sampling.kind,
-        points=data.sampling.points,
-        seed=config.seed,
-        train_batch_size=config.train.batch_size,
-        steps_per_round=config.train.steps_per_round,
-        validation_clouds=data.validation_clouds,
-    )
+    order = (config.train.batch_size, config.train.steps_per_round)
+    return SymmetryDataModule(OmegaConf.to_object(config.data), config.seed, *order)
 
 
 def evaluate(config: DictConfig) -> dict:

@@ -5,139 +5,16 @@ from typing import Any
 
 from omegaconf import MISSING
 
-from symshrec.benchmark.config import BenchmarkConfig
-from symshrec.data.settings import DataKind, SamplingKind
-from symshrec.methods.m1 import settings as m1
-from symshrec.methods.m2 import settings as m2
+from symshrec.data.settings import DataSettings
 from symshrec.methods.optimiser import OptimiserSettings
 
 
 @dataclass
-class SamplingConfig:
-    """Points drawn once a cloud and cached beside the data."""
-
-    kind: SamplingKind = SamplingKind.none
-    points: int = 1024
-
-
-@dataclass
-class DataConfig:
-    """Where clouds come from (conf/data), which of them count, and how they are loaded."""
-
-    name: str = MISSING
-    variant: str = ""
-    kind: DataKind = DataKind.shards
-    root: str = "${paths.data}/${data.name}${data.variant}"
-    batch_size: int = 32
-    workers: int = 0
-    fold: int = 0
-    folds: int = 5
-    families: list[str] | None = None
-    perturbations: list[str] | None = None
-    solids: list[str] | None = None
-    limit: int | None = None
-    subset: str | None = None
-    verify: bool = True
-    test_split: str = "test"
-    validation_clouds: int | None = 1000
-    hard: str = "hard_quick"  # the data whose P6–P9 stand beside this one's tables
-    sampling: SamplingConfig = field(default_factory=SamplingConfig)
-    benchmark: BenchmarkConfig = field(default_factory=BenchmarkConfig)
-
-
-@dataclass
 class RunConfig:
-    """A run of a method: `name` in file names, `title` in tables (the paper's, where it is one of the paper's)."""
+    """A run of a method, a row of the tables: `name` in commands and file names, `title` in tables."""
 
-    name: str = MISSING
-    title: str = MISSING
-
-
-@dataclass
-class MethodConfig:
-    """What every method's configuration has. refine: fit its planes to the points afterwards, whatever the method."""
-
-    _target_: str = MISSING
-    name: str = MISSING
-    workers: int = 1
-    count_threshold: float = 0.5
-    refine: bool = False
-
-
-@dataclass
-class LearnedConfig(MethodConfig):
-    """A method with weights: names of shipped ones, or .safetensors files; several answer together."""
-
-    weights: list[str] = field(default_factory=list)
-
-
-@dataclass
-class M1Config(LearnedConfig):
-    """§3.1; see symshrec.methods.m1.settings."""
-
-    _target_: str = "symshrec.methods.m1.module.M1"
-    name: str = "m1"
-    network: m1.NetworkSettings = field(default_factory=m1.NetworkSettings)
-    loss: m1.LossSettings = field(default_factory=m1.LossSettings)
-    decode: m1.DecodeSettings = field(default_factory=m1.DecodeSettings)
-    twice: bool = False
-
-
-@dataclass
-class M2Config(LearnedConfig):
-    """§3.2; see symshrec.methods.m2.settings. run=pretrain trains what another class makes of the same."""
-
-    _target_: str = "symshrec.methods.m2.module.M2"
-    name: str = "m2"
-    network: m2.NetworkSettings = field(default_factory=m2.NetworkSettings)
-    loss: m2.LossSettings = field(default_factory=m2.LossSettings)
-    cleaning: m2.CleaningSettings = field(default_factory=m2.CleaningSettings)
-    confidence: m2.Confidence = m2.Confidence.none
-    pretrain: m2.PretrainSettings = field(default_factory=m2.PretrainSettings)
-
-
-@dataclass
-class M3Config(MethodConfig):
-    """§3.3; see symshrec.methods.m3.pipeline.M3Settings."""
-
-    _target_: str = "symshrec.methods.m3.module.M3"
-    name: str = "m3"
-    neighbours: int = 200
-    eigenpairs: int = 10
-    mollify: float = 1e-3
-    laplacian_neighbours: int = 30
-    time_factor: float = 0.3
-    chamfer_limit: float = 100.0
-    separation_deg: float = 5.0
-    count_threshold: float = 0.95
-
-
-@dataclass
-class M4Config(MethodConfig):
-    """Our training-free detector; see symshrec.methods.m4.pipeline.M4Settings."""
-
-    _target_: str = "symshrec.methods.m4.module.M4"
-    name: str = "m4"
-    points: int = 8192
-    neighbours: int = 12
-    directions: int = 1500
-    candidates: int = 28
-    separation_deg: float = 5.0
-    max_planes: int = 40
-    together: bool = True
-    rounds: int = 10
-    calibration: list[float] = field(default_factory=lambda: [1.759, -82.546, -60.19, 236.37])
-
-
-@dataclass
-class TruthConfig(MethodConfig):
-    """The oracle; see symshrec.methods.oracle.Truth."""
-
-    _target_: str = "symshrec.methods.oracle.Truth"
-    name: str = "truth"
-    angle_deg: float = 0.3
-    offset: float = 0.003
-    refine: bool = True
+    name: str = "${method.name}"
+    title: str = "${run.name}"
 
 
 @dataclass
@@ -206,10 +83,27 @@ class TensorBoardConfig:
 
 
 @dataclass
+class RowsConfig:
+    """The rows of the tables, by the names of their runs; the one list of them, from which sweeps are made too.
+
+    published: the paper's, in its order. ours: further ones. refined: those that come again with refinement. cards:
+    further runs whose results are kept for the model cards. so3, so3_refined: of table_so3, on clouds under full
+    rotations.
+    """
+
+    published: list[str] = field(default_factory=list)
+    ours: list[str] = field(default_factory=list)
+    refined: list[str] = field(default_factory=list)
+    so3: list[str] = field(default_factory=list)
+    so3_refined: list[str] = field(default_factory=list)
+    cards: list[str] = field(default_factory=list)
+
+
+@dataclass
 class Config:
     """The whole configuration, conf/config.yaml."""
 
-    data: DataConfig = field(default_factory=DataConfig)
+    data: DataSettings = field(default_factory=lambda: DataSettings(root="${paths.data}/${data.name}${data.variant}"))
     method: Any = MISSING
     run: RunConfig = field(default_factory=RunConfig)
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
@@ -219,12 +113,7 @@ class Config:
     tensorboard: TensorBoardConfig = field(default_factory=TensorBoardConfig)
     seed: int = 2023
     workers: int = 2
-    name: str = "${method.name}_${run.name}${when:${method.refine},_refine}"
+    name: str = "${run.name}${when:${method.refine},_refine}"
     title: str = "${run.title}${when:${method.refine},' + refine'}"
     folder: str = MISSING
-    tables: list[str] = field(default_factory=list)
-    tables_so3: list[str] = field(default_factory=list)
-    cards: list[str] = field(default_factory=list)
-
-
-METHODS = {"m1": M1Config, "m2": M2Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}
+    rows: RowsConfig = field(default_factory=RowsConfig)

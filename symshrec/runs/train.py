@@ -18,8 +18,10 @@ from omegaconf import DictConfig, OmegaConf
 from symshrec.data.datamodule import SymmetryDataModule
 from symshrec.data.settings import SamplingKind
 from symshrec.files.atomic import write_atomically
-from symshrec.methods.learned import LearnedMethod, plain_settings
+from symshrec.methods.learned import LearnedMethod
 from symshrec.methods.optimiser import Schedule
+from symshrec.methods.registry import settings_class
+from symshrec.methods.settings import LearnedSettings, plain_settings
 from symshrec.methods.weights import write_weights
 from symshrec.reporting.figures.tensorboard import TensorBoardTraining
 from symshrec.runs.config import method_of
@@ -67,7 +69,7 @@ def train(config: DictConfig) -> dict | None:
     Raises:
         ValueError: where the folder holds a training of other settings, or the method has nothing to train.
     """
-    if "weights" not in config.method:
+    if not issubclass(settings_class(config.method.name), LearnedSettings):
         raise ValueError(f"method={config.method.name} has nothing to train")
     config = config.copy()
     config.method.weights = []
@@ -97,7 +99,8 @@ def train(config: DictConfig) -> dict | None:
     if not trainer.is_global_zero:
         return None
     weights, network = folder / WEIGHTS, method.networks[0]
-    write_weights(weights, method.name, plain_settings(method.network_settings), result, network.state_dict())
+    plain, detection = plain_settings(method.network_settings), method.detection_settings()
+    write_weights(weights, method.name, plain, result, network.state_dict(), detection=detection)
     result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
     write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
     return result

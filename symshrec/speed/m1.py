@@ -82,7 +82,7 @@ def _detection(method: M1, clouds: Sequence[LabelledCloud], batch: SampledBatch)
         ours, other = (
             1e3 * seconds_of(work, repeats=3) / len(batch)
             for work in (
-                lambda: [decode(*each, method.decode) for each in said],
+                lambda: [decode(*each, method.settings.decode) for each in said],
                 lambda: [plain_decode(*each) for each in said],
             )
         )

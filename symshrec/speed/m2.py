@@ -61,7 +61,8 @@ def _plain_chamfer(points: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
 def _detect_plainly(method: M2, sphere: Tensor) -> list[list[int]]:
     normals, offsets = method.networks[0](sphere)
     losses = _plain_chamfer(sphere, normals, offsets)
-    limits = method.cleaning.merge_rad, method.cleaning.mean_factor, method.cleaning.loss_limit
+    cleaning = method.settings.cleaning
+    limits = cleaning.merge_rad, cleaning.mean_factor, cleaning.loss_limit
     return [plain.clean(*each, *limits) for each in zip(normals.double().numpy(), losses.double().numpy(), strict=True)]
 
 

@@ -9,11 +9,11 @@ import torch
 from symshrec.benchmark.official import write_track
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.data.datamodule import SymmetryDataModule
-from symshrec.data.settings import DataKind, SamplingKind
+from symshrec.data.settings import DataKind, DataSettings, SamplingKind, SamplingSettings
 
 
 def opened(root, stage="test", **options) -> SymmetryDataModule:
-    module = SymmetryDataModule(root, **options)
+    module = SymmetryDataModule(DataSettings(root=str(root), **options))
     module.prepare_data()
     module.setup(stage)
     return module
@@ -58,7 +58,7 @@ def test_filters_keep_what_they_name(smoke_root):
 
 @pytest.mark.parametrize("kind", [SamplingKind.farthest, SamplingKind.random])
 def test_samples_are_points_of_their_cloud_and_survive_on_disk(smoke_root, kind, monkeypatch):
-    options = {"sampling": kind, "points": 64, "batch_size": 7}
+    options = {"sampling": SamplingSettings(kind, 64), "batch_size": 7}
     first = [batch.sampled for batch in opened(smoke_root, **options).test_dataloader()]
     monkeypatch.setattr("symshrec.data.samples._draw", lambda *_: pytest.fail("drawn twice"))
     module = opened(smoke_root, **options)
@@ -71,7 +71,7 @@ def test_samples_are_points_of_their_cloud_and_survive_on_disk(smoke_root, kind,
 
 
 def test_a_cut_off_sample_file_is_drawn_again(smoke_root):
-    options = {"sampling": SamplingKind.random, "points": 16, "batch_size": 42}
+    options = {"sampling": SamplingSettings(SamplingKind.random, 16), "batch_size": 42}
     (before,) = [batch.sampled for batch in opened(smoke_root, **options).test_dataloader()]
     for path in (smoke_root / "samples" / "test").glob("random-16-*"):
         path.write_bytes(path.read_bytes()[:-7])
@@ -90,7 +90,7 @@ def test_official_folders_give_the_same_batches(smoke_root, tmp_path):
 
 
 def test_selected_clouds_stay_with_their_labels(smoke_root):
-    (batch,) = opened(smoke_root, batch_size=42, sampling=SamplingKind.random, points=8).test_dataloader()
+    (batch,) = opened(smoke_root, batch_size=42, sampling=SamplingSettings(SamplingKind.random, 8)).test_dataloader()
     part = batch.select([5, 0])
     assert part.positions == [batch.positions[5], batch.positions[0]]
     torch.testing.assert_close(part.clouds[0], batch.clouds[5])
@@ -99,8 +99,8 @@ def test_selected_clouds_stay_with_their_labels(smoke_root):
 
 def test_mistakes_are_named(smoke_root):
     with pytest.raises(ValueError, match=r"data\.perturbations holds \['P7x'\]; choose from P0"):
-        SymmetryDataModule(smoke_root, perturbations=["P7x"])
+        SymmetryDataModule(DataSettings(root=str(smoke_root), perturbations=["P7x"]))
     with pytest.raises(ValueError, match=r"data\.fold is 5"):
-        SymmetryDataModule(smoke_root, fold=5)
+        SymmetryDataModule(DataSettings(root=str(smoke_root), fold=5))
     with pytest.raises(ValueError, match=r"no samples; set data\.sampling"):
         _ = next(iter(opened(smoke_root).test_dataloader())).sampled

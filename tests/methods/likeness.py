@@ -6,7 +6,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from symshrec.methods.learned import LearnedMethod, plain_settings
+from symshrec.methods.learned import LearnedMethod
+from symshrec.methods.settings import plain_settings
 from symshrec.methods.weights import write_weights
 from symshrec.planes import Planes, axis_angles
 

@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from symshrec.data.batch import SampledBatch
-from symshrec.methods.learned import plain_settings, restored_settings
 from symshrec.methods.m1.module import M1
 from symshrec.methods.m1.network import M1Network
-from symshrec.methods.m1.settings import DecodeSettings, LossSettings, NetworkSettings, VectorForm
+from symshrec.methods.m1.settings import DecodeSettings, LossSettings, M1Settings, NetworkSettings, VectorForm
+from symshrec.methods.settings import plain_settings, restored_settings
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import Planes, axis_angles
 from tests.methods.likeness import (
@@ -30,7 +30,7 @@ def weights(tmp_path_factory):
 
 def loose(weights):
     """A method that finds planes in whatever an untrained network says."""
-    return M1(weights=weights, decode=DecodeSettings(confidence=0.2, eps_deg=15, separation_deg=10)).eval()
+    return M1(M1Settings(weights=weights, decode=DecodeSettings(confidence=0.2, eps_deg=15, separation_deg=10))).eval()
 
 
 def test_planes_do_not_depend_on_order_and_move_with_the_cloud(weights):
@@ -45,7 +45,7 @@ def test_a_network_twice_answers_as_once(weights):
 
 def test_seen_twice_a_mirrored_cloud_has_mirrored_planes(weights):
     method, points, mirror = loose(weights[:1]), stretched_cloud(), np.array([1.0, -1.0, 1.0])
-    method.twice = True
+    method.settings = replace(method.settings, twice=True)
     planes, mirrored = method.detect(points), method.detect(points * torch.tensor([1.0, -1, 1]))
     assert_same_planes(mirrored, Planes(planes.normals * mirror, planes.points * mirror, planes.confidences))
 
@@ -70,7 +70,7 @@ def test_points_that_cannot_be_used_are_refused(weights, points, message):
 
 
 def test_weights_bring_their_network_and_their_halves_suffice(weights):
-    method = M1(weights=weights[:1])
+    method = M1(M1Settings(weights=weights[:1]))
     assert method.network_settings == SMALL == restored_settings(NetworkSettings, plain_settings(SMALL))
     assert method.points == 48
     assert method.weights_record[0]["sha256"] == method.weights[0].sha256
@@ -78,18 +78,18 @@ def test_weights_bring_their_network_and_their_halves_suffice(weights):
 
 def test_weights_that_do_not_fit_are_named(weights, tmp_path):
     with pytest.raises(WeightsError, match="no weights called 'm1_r9' come with symshrec; of m1 there are"):
-        M1(weights=["m1_r9"])
+        M1(M1Settings(weights=["m1_r9"]))
     (tmp_path / "x.safetensors").write_bytes(b"no such thing")
     with pytest.raises(WeightsError, match="not a readable safetensors file"):
-        M1(weights=[str(tmp_path / "x.safetensors")])
+        M1(M1Settings(weights=[str(tmp_path / "x.safetensors")]))
     wide = replace(SMALL, features=64)
     for name, method, message in (("y", "m2", "weights of m2, not of m1"), ("z", "m1", "do not fit the network")):
         path = tmp_path / f"{name}.safetensors"
         write_weights(path, method, plain_settings(wide), {}, M1Network(SMALL).state_dict())
         with pytest.raises(WeightsError, match=message):
-            M1(weights=[str(path)])
+            M1(M1Settings(weights=[str(path)]))
     with pytest.raises(ValueError, match=r"has no weights; name some with method\.weights, or train it first"):
-        M1(SMALL).detect(stretched_cloud())
+        M1(M1Settings(network=SMALL)).detect(stretched_cloud())
 
 
 def test_the_loss_teaches_planes():
@@ -105,7 +105,7 @@ def test_the_loss_teaches_planes():
     turns = turns.transpose(2, 0, 1)  # (16, 3, 3), rows are the planes' normals
     truth = [Planes(turn, np.full((3, 3), 0.5)) for turn in turns]
     batch = SampledBatch.of(torch.from_numpy(boxes @ turns + 0.5).float(), truth)
-    method = M1(SMALL, LossSettings(form=VectorForm.sine))
+    method = M1(M1Settings(network=SMALL, loss=LossSettings(form=VectorForm.sine)))
     optimiser = torch.optim.AdamW(method.parameters(), 5e-3)
     for step in range(250):
         optimiser.param_groups[0]["lr"] = 5e-3 * (1 - step / 250)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from symshrec.data.batch import SampledBatch
-from symshrec.methods.learned import UnitSphere, plain_settings, restored_settings
+from symshrec.methods.learned import UnitSphere
 from symshrec.methods.m2.module import M2
 from symshrec.methods.m2.network import M2Network
 from symshrec.methods.m2.pretraining import M2Pretraining
@@ -15,9 +15,11 @@ from symshrec.methods.m2.settings import (
     CleaningSettings,
     Confidence,
     LossSettings,
+    M2Settings,
     NetworkSettings,
     PretrainSettings,
 )
+from symshrec.methods.settings import plain_settings, restored_settings
 from symshrec.methods.weights import WeightsError, write_weights
 from symshrec.planes import axis_angles
 from symshrec.speed.plain import m2 as reference
@@ -38,7 +40,7 @@ def weights(tmp_path_factory):
 
 
 def loaded(weights, **options):
-    return M2(weights=weights, **{"cleaning": LOOSE} | options).eval()
+    return M2(M2Settings(weights=weights, **{"cleaning": LOOSE} | options)).eval()
 
 
 def test_planes_do_not_depend_on_order_and_move_with_the_cloud(weights):
@@ -70,7 +72,7 @@ def test_a_network_twice_answers_as_once_and_two_are_cleaned_together(weights):
 
 def test_a_step_of_training_draws_its_points_and_validation_takes_all():
     torch.manual_seed(0)
-    method = M2(replace(SMALL, dropout=0.0, drop_path=0.0), LossSettings(queries=8))
+    method = M2(M2Settings(network=replace(SMALL, dropout=0.0, drop_path=0.0), loss=LossSettings(queries=8)))
     batch = SampledBatch.of(torch.randn(4, 48, 3), [None] * 4)
     first, second = (method.train().losses(batch)["symmetry"].item() for _ in range(2))
     assert first != second
@@ -90,7 +92,7 @@ def test_the_loss_teaches_planes_without_truth():
         [[np.cos(angles), np.sin(angles), zero], [-np.sin(angles), np.cos(angles), zero], [zero, zero, one]]
     ).transpose(2, 0, 1)  # (16, 3, 3), rows are the boxes' axes
     batch = SampledBatch.of(torch.from_numpy(boxes @ turns + 0.5).float(), [None] * 16)
-    method = M2(replace(SMALL, dropout=0.0, drop_path=0.0), LossSettings(regularisation=0.1))
+    method = M2(M2Settings(network=replace(SMALL, dropout=0.0, drop_path=0.0), loss=LossSettings(regularisation=0.1)))
     optimiser = torch.optim.AdamW(method.parameters(), 5e-3)
     for step in range(150):
         optimiser.param_groups[0]["lr"] = 5e-3 * (1 - step / 150)
@@ -115,27 +117,27 @@ def test_weights_bring_their_network(weights, tmp_path):
     assert loaded(weights[:1]).network_settings == SMALL
     assert restored_settings(NetworkSettings, plain_settings(SMALL)) == SMALL
     with pytest.raises(WeightsError, match="no weights called 'm2_r9' come with symshrec; of m2 there are"):
-        M2(weights=["m2_r9"])
+        M2(M2Settings(weights=["m2_r9"]))
     write_weights(tmp_path / "m1.safetensors", "m1", plain_settings(SMALL), {}, M2Network(SMALL).state_dict())
     with pytest.raises(WeightsError, match="holds weights of m1, not of m2 or m2_pretrain"):
-        M2(SMALL).start_from(str(tmp_path / "m1.safetensors"))
+        M2(M2Settings(network=SMALL)).start_from(str(tmp_path / "m1.safetensors"))
     with pytest.raises(ValueError, match=r"m2 has no weights; name some with method\.weights, or train it first"):
-        M2(SMALL).detect(stretched_cloud())
+        M2(M2Settings(network=SMALL)).detect(stretched_cloud())
 
 
 def test_a_training_goes_on_from_an_earlier_one(weights):
-    method = M2(SMALL)
+    method = M2(M2Settings(network=SMALL))
     method.start_from(weights[0])
     expected = loaded(weights[:1]).networks.state_dict()
     assert all(torch.equal(tensor, expected[name]) for name, tensor in method.networks.state_dict().items())
 
 
 def test_a_pre_training_finds_no_planes():
-    method = M2Pretraining(SMALL)
-    with pytest.raises(ValueError, match=r"train M2 from its weights with run=published train\.init=FILE"):
+    method = M2Pretraining(M2Settings(network=SMALL))
+    with pytest.raises(ValueError, match=r"train M2 from its weights with run=m2 train\.init=FILE"):
         method.detect_sampled(torch.zeros(1, 48, 3))
     with pytest.raises(ValueError, match=r"pretrain\.mask_ratio is 0\.1, which hides 0 of 8 patches"):
-        M2Pretraining(SMALL, pretrain=PretrainSettings(mask_ratio=0.1))
+        M2Pretraining(M2Settings(network=SMALL, pretrain=PretrainSettings(mask_ratio=0.1)))
 
 
 @pytest.mark.parametrize(

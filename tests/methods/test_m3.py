@@ -11,7 +11,8 @@ from symshrec.data.batch import Batch
 from symshrec.methods.m3 import selection, spectrum
 from symshrec.methods.m3.candidates import local_maxima
 from symshrec.methods.m3.module import M3
-from symshrec.methods.m3.pipeline import M3Settings, detect_planes, spatial_order
+from symshrec.methods.m3.pipeline import detect_planes, spatial_order
+from symshrec.methods.m3.settings import M3Settings
 from symshrec.planes import Planes, axis_angles
 from symshrec.speed.plain.m3 import detect_planes as reference_planes
 
@@ -191,7 +192,7 @@ def test_unusable_points_are_named(points, message):
 )
 def test_settings_out_of_range_are_named(setting):
     with pytest.raises(ValueError, match=next(iter(setting))):
-        M3(**setting)
+        M3Settings(**setting)
 
 
 def test_local_maxima_against_every_distance():
@@ -256,14 +257,14 @@ def test_selection_keeps_what_sorting_keeps_at_less_cost(monkeypatch):
 
 @pytest.fixture
 def pooled():
-    method = M3(neighbours=40, workers=2)
+    method = M3(M3Settings(neighbours=40, workers=2))
     yield method
     method.teardown("test")
 
 
 def test_pool_gives_the_serial_planes_and_names_a_failing_cloud(pooled):
     clouds = [petal_cone(500, seed=seed) for seed in range(5)] + [np.ones((1, 3))]
-    serial = M3(neighbours=40).detect_batch(batch_of(clouds))
+    serial = M3(M3Settings(neighbours=40)).detect_batch(batch_of(clouds))
     for planes, expected in zip(pooled.detect_batch(batch_of(clouds)), serial, strict=True):
         np.testing.assert_array_equal(planes.normals, expected.normals)
         np.testing.assert_array_equal(planes.confidences, expected.confidences)
@@ -289,5 +290,5 @@ def test_serial_failure_names_the_cloud():
 
 def test_detect_takes_a_tensor_of_any_precision():
     points = petal_cone(600).astype(np.float32)
-    planes = M3(neighbours=40).detect(torch.from_numpy(points))
+    planes = M3(M3Settings(neighbours=40)).detect(torch.from_numpy(points))
     assert_same(planes, detect_planes(points, M3Settings(neighbours=40)))

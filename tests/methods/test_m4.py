@@ -9,10 +9,11 @@ import torch
 
 from symshrec.benchmark.cloud import Labels
 from symshrec.data.batch import Batch
-from symshrec.methods.m4.confidence import CALIBRATION, confidences
+from symshrec.methods.m4.confidence import confidences
 from symshrec.methods.m4.module import M4
-from symshrec.methods.m4.pipeline import M4Settings, detect_planes
+from symshrec.methods.m4.pipeline import detect_planes
 from symshrec.methods.m4.search import hemisphere
+from symshrec.methods.m4.settings import CALIBRATION, M4Settings
 from symshrec.planes import Planes, axis_angles
 from symshrec.runs.config import load
 from symshrec.speed.plain.m4 import detect_planes as plain_planes
@@ -164,7 +165,7 @@ def test_errors_name_what_is_wrong():
     with pytest.raises(ValueError, match="point 7 is not finite"):
         detect_planes(points)
     with pytest.raises(ValueError, match="separation_deg is -1"):
-        M4(separation_deg=-1)
+        M4Settings(separation_deg=-1)
 
 
 def test_module_names_the_failing_cloud_and_agrees_with_the_function():
@@ -207,7 +208,7 @@ def test_confidence_falls_with_the_divergence_and_forgives_sparse_clouds():
     assert dense[0] > 0.9
     assert dense[3] < 0.01
     with pytest.raises(ValueError, match="calibration has 2 numbers, expected 4"):
-        M4(calibration=(1.0, 2.0))
+        M4Settings(calibration=(1.0, 2.0))
 
 
 def test_the_calibration_is_the_recorded_one():

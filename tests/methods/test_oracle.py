@@ -12,7 +12,8 @@ from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli import main
 from symshrec.data.datamodule import collate
 from symshrec.files.predictions import load_predictions
-from symshrec.methods.oracle import Truth
+from symshrec.methods.oracle.module import Oracle
+from symshrec.methods.oracle.settings import OracleSettings
 from symshrec.planes import axis_angles
 from symshrec.reporting.tables.results import find_score
 from symshrec.runs.config import load
@@ -44,7 +45,7 @@ def batch_of(clouds, first=0):
 
 
 def test_the_exact_planes_score_one_everywhere(oracle):
-    result, _ = oracle("run=exact", "method.refine=false")
+    result, _ = oracle("run=oracle_exact", "method.refine=false")
     assert (result["name"], result["oracle"]) == ("Exact truth", True)
     assert {row["value"] for row in result["scores"]} - {None} == {1.0}
 
@@ -61,7 +62,7 @@ def test_refined_it_finds_the_planes_that_it_does_not_give(oracle):
 
 
 def test_errors_are_as_large_as_asked_for_and_independent_of_the_batch(clouds):
-    method = Truth(angle_deg=2, offset=0.01, refine=False)
+    method = Oracle(OracleSettings(angle_deg=2, offset=0.01, refine=False))
     found = method.planes_of(batch_of(clouds))
     for cloud, planes in zip(clouds, found, strict=True):
         angles = np.diagonal(axis_angles(planes.normals, cloud.planes.normals))
@@ -75,24 +76,24 @@ def test_errors_are_as_large_as_asked_for_and_independent_of_the_batch(clouds):
 
 def test_clouds_without_truth_are_refused_by_name(clouds):
     withheld = replace(clouds[1], planes=None)
-    with pytest.raises(ValueError, match=f"cloud {withheld.name} has no true planes; method truth needs labelled"):
-        Truth().planes_of(batch_of([clouds[0], withheld]))
+    with pytest.raises(ValueError, match=f"cloud {withheld.name} has no true planes; method oracle needs labelled"):
+        Oracle().planes_of(batch_of([clouds[0], withheld]))
 
 
 def test_errors_name_the_argument():
     with pytest.raises(ValueError, match=r"angle_deg is 91, expected a number in \[0, 90\]"):
-        Truth(angle_deg=91)
+        OracleSettings(angle_deg=91)
     with pytest.raises(ValueError, match="offset is -1"):
-        Truth(offset=-1)
+        OracleSettings(offset=-1)
 
 
 def test_points_alone_are_one_line_of_error(tmp_path, capsys):
     points = np.random.default_rng(0).normal(size=(50, 3))
-    with pytest.raises(ValueError, match="method truth gives labelled clouds their own planes"):
-        symshrec.detect(points, method="truth")
+    with pytest.raises(ValueError, match="method oracle gives labelled clouds their own planes"):
+        symshrec.detect(points, method="oracle")
     np.savetxt(tmp_path / "cloud.xyz", points)
-    assert main(["detect", str(tmp_path / "cloud.xyz"), "--method", "truth"]) == 2
+    assert main(["detect", str(tmp_path / "cloud.xyz"), "--method", "oracle"]) == 2
     told = capsys.readouterr()
     assert told.out == ""
     assert len(told.err.splitlines()) == 1
-    assert "method truth gives labelled clouds" in told.err
+    assert "method oracle gives labelled clouds" in told.err

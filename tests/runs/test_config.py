@@ -8,26 +8,17 @@ import pytest
 from omegaconf import OmegaConf
 
 from symshrec.benchmark.config import check_config
-from symshrec.methods.m3.pipeline import M3Settings
-from symshrec.methods.m4.pipeline import M4Settings
-from symshrec.methods.oracle import Truth
-from symshrec.runs.config import benchmark_of, conf_folder, load
-from symshrec.runs.evaluate import datamodule_of, method_of
+from symshrec.methods.oracle.settings import OracleSettings
+from symshrec.methods.registry import BUILT_IN, settings_class
+from symshrec.methods.settings import plain_settings
+from symshrec.runs.config import benchmark_of, conf_folder, load, method_of, table_rows
+from symshrec.runs.evaluate import datamodule_of
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
-RUNS = {
-    "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r4_so3", "r1_plus", "r2_plus"),
-    "m2": ("m2", "m2_cpu", "published", "confidence", "pretrain"),
-    "m4": ("m4", "sharp", "fast"),
-    "truth": ("truth", "near", "exact"),
-}  # of which method; the others are m3's
-NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
+RUNS = {path.stem: path.stem.partition("_")[0] for path in (conf_folder() / "run").glob("*.yaml")}  # of which method
+NEEDS = {f"run/{run}": [f"method={method}"] for run, method in RUNS.items()}
 NEEDS |= {f"data/{name}": ["data.root=somewhere"] for name in ("official", "clouds")}
-M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
-REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m2_confidence")
-ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
-SO3_ROWS = ("m1_r4", "m1_r4_so3", "m3_r1", "m4", "m1_r4_so3_refine")
 
 
 @pytest.mark.parametrize("file", FILES, ids=str)
@@ -56,22 +47,29 @@ def test_hard_data_has_p6_to_p9_evenly_and_stands_beside_its_scale():
     assert load(["data=quick"]).data.hard == "hard_quick"
 
 
-@pytest.mark.parametrize("overrides", [["run=k250", "method.refine=true"], ["experiment=m3_r2_refine"]])
+@pytest.mark.parametrize("overrides", [["run=m3_r2", "method.refine=true"], ["experiment=m3_r2", "method.refine=true"]])
 def test_a_refined_run_has_a_name_and_a_row_of_its_own(overrides):
-    plain, refined = load(["run=k250"]), load(overrides)
-    assert (plain.name, plain.title) == ("m3_k250", "M3 (R2)")
-    assert (refined.name, refined.title) == ("m3_k250_refine", "M3 (R2) + refine")
+    plain, refined = load(["run=m3_r2"]), load(overrides)
+    assert (plain.name, plain.title) == ("m3_r2", "M3 (R2)")
+    assert (refined.name, refined.title) == ("m3_r2_refine", "M3 (R2) + refine")
     assert not method_of(plain).refine
     assert method_of(refined).refine
 
 
-def test_the_rows_of_the_tables_are_runs_of_experiments_scored_at_both_tolerances():
-    rows = [load([f"experiment={name}"]) for name in ROWS]
-    turned = [load([f"experiment={name}", "pose=so3"]) for name in SO3_ROWS]
-    assert [row.name for row in rows] == list(rows[0].tables)
-    assert [row.name for row in turned] == list(rows[0].tables_so3)
-    for row in rows + turned:
+def test_a_row_has_one_name_in_commands_folders_and_the_list_of_rows():
+    config = load()
+    rows = config.rows
+    for name in {*rows.published, *rows.ours, *rows.refined, *rows.so3, "oracle"}:
+        row = load([f"experiment={name}", "method.refine=false"])
+        assert row.name == name
         assert (list(row.tolerance.thetas_deg), list(row.tolerance.epsilons)) == ([1.0, 0.1], [0.01, 0.001])
+        assert load([f"experiment={name}", "method.refine=true"]).name == f"{name}_refine"
+    assert load(["experiment=oracle"]).name == table_rows(config)[-1] == "oracle_refine"
+    assert set(rows.refined) < {*rows.published, *rows.ours}
+    assert set(rows.so3_refined) < set(rows.so3)
+    experiments = {path.stem for path in (conf_folder() / "experiment").glob("*.yaml")}
+    listed = {*rows.published, *rows.ours, *rows.so3, "oracle"}
+    assert {name for name in experiments if not name.endswith("_cpu")} == listed
     assert len(load(["experiment=m3_r1", "tolerance=sweep"]).tolerance.epsilons) == 10
 
 
@@ -96,7 +94,7 @@ def test_mistakes_name_the_valid_keys_and_values(override, message):
 
 
 def test_a_sweep_with_one_bad_value_fails_before_its_first_job():
-    command = [sys.executable, "experiments/tables.py", "--multirun", "run=k200,k251"]
+    command = [sys.executable, "experiments/tables.py", "--multirun", "run=m3_r1,k251"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.startswith("error: In 'config': Could not find 'run/k251'")
@@ -104,12 +102,18 @@ def test_a_sweep_with_one_bad_value_fails_before_its_first_job():
     assert "Launching" not in done.stdout
 
 
-@pytest.mark.parametrize(("method", "settings"), [("m3", M3Settings()), ("m4", M4Settings())])
-def test_the_schema_and_the_code_have_the_same_defaults(method, settings):
-    assert method_of(load([f"method={method}"])).settings == settings
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_method_has_the_defaults_of_its_settings_alone(name):
+    """conf/ adds none of its own, but for what a run selects."""
+    plain = plain_settings(settings_class(name)()) | {"name": name}
+    node = load([f"method={name}"] if name != "m2_pretrain" else ["method=m2", "run=m2_pretrain"]).method
+    settings = plain_settings(OmegaConf.to_object(node))
+    chosen = {"m1": {"weights": ["m1_r4"]}, "m2": {"weights": ["m2"]}, "m2_pretrain": {}}
+    assert settings == plain | chosen.get(name, {})
 
 
 def test_the_oracle_is_refined_from_beside_the_truth():
-    oracle, default = method_of(load(["experiment=oracle"])), Truth()
-    assert (oracle.angle_deg, oracle.offset, oracle.refine) == (default.angle_deg, default.offset, default.refine)
-    assert min(oracle.angle_deg, 100 * oracle.offset) > 0.1  # the tight table's: where it stays, it does not count
+    settings = method_of(load(["experiment=oracle"])).settings
+    assert settings == OracleSettings()
+    assert settings.refine
+    assert min(settings.angle_deg, 100 * settings.offset) > 0.1  # the tight table's: where it stays, it does not count

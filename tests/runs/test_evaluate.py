@@ -38,7 +38,7 @@ def test_a_run_leaves_predictions_configuration_and_metrics_that_agree(smoke_con
     clouds = [split[int(position)] for position in stored.positions]
     truth = PackedPlanes.pack([cloud.planes for cloud in clouds])
     again = score(stored.planes, truth, np.array([cloud.diagonal for cloud in clouds])).mean()
-    overall = {metric: value for metric, group, _, _, value in values(result) if group == "all"}
+    overall = {metric: value for metric, group, theta, _, value in values(result) if (group, theta) == ("all", 1.0)}
     assert overall["mAP"] == pytest.approx(again["mAP"], abs=1e-12)
     assert overall["PHC"] == pytest.approx(again["PHC"], abs=1e-12)
 
@@ -66,7 +66,7 @@ def test_a_refined_run_starts_from_the_planes_of_the_run_without(smoke_config, t
     refined = evaluate(smoke_config(*overrides, "method.refine=true"))
     assert refined["key"] != plain["key"]
     assert (plain["name"], refined["name"]) == ("M3 (R1)", "M3 (R1) + refine")
-    folders = (tmp_path / name / "predictions" / "predictions.safetensors" for name in ("m3_k200", "m3_k200_refine"))
+    folders = (tmp_path / name / "predictions" / "predictions.safetensors" for name in ("m3_r1", "m3_r1_refine"))
     before, after = (load_predictions(path).planes for path in folders)
     np.testing.assert_array_equal(before.starts, after.starts)
     assert (after.confidences <= before.confidences).all()

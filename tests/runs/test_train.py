@@ -13,9 +13,9 @@ import pytest
 import torch
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from symshrec.methods.learned import restored_settings
 from symshrec.methods.m2.module import M2
-from symshrec.methods.m2.settings import NetworkSettings
+from symshrec.methods.m2.settings import M2Settings, NetworkSettings
+from symshrec.methods.settings import restored_settings
 from symshrec.methods.weights import WeightsError, read_weights
 from symshrec.runs.cross_validation import fold_spread
 from symshrec.runs.evaluate import evaluate
@@ -25,7 +25,7 @@ from symshrec.scans import CloudFileError
 ROOT = Path(__file__).parents[2]
 TINY_M1 = [
     "method=m1",
-    "run=r5",
+    "run=m1_r5",
     "train.init=null",
     "method.network.points=32",
     "method.network.channels=16",
@@ -57,7 +57,7 @@ TRAINING = [
     "trainer.enable_progress_bar=false",
 ]
 TINY = [*TINY_M1, *TRAINING]
-TRAININGS = {"m1": TINY, "m2": [*TINY_M2, *TRAINING], "m2_pretrain": [*TINY_M2, "run=pretrain", *TRAINING]}
+TRAININGS = {"m1": TINY, "m2": [*TINY_M2, *TRAINING], "m2_pretrain": [*TINY_M2, "run=m2_pretrain", *TRAINING]}
 
 
 @pytest.fixture
@@ -141,7 +141,7 @@ def test_m2_starts_from_the_encoder_of_a_pre_training_and_ends_as_a_detector(tin
     train(before)
     file = f"{before.train.folder}/weights.safetensors"
     after = tiny("after", f"train.init={file}", "method.confidence=loss", method="m2")
-    method = M2(restored_settings(NetworkSettings, read_weights(file, "m2_pretrain").network))
+    method = M2(M2Settings(network=restored_settings(NetworkSettings, read_weights(file, "m2_pretrain").network)))
     method.start_from(file)
     started = method.networks[0].encoder.state_dict()
     for name, tensor in weights_of(before).items():
@@ -153,7 +153,7 @@ def test_m2_starts_from_the_encoder_of_a_pre_training_and_ends_as_a_detector(tin
     weights = f"method.weights=[{after.train.folder}/weights.safetensors]"
     assert evaluate(smoke_config(*TRAININGS["m2"], weights, "data.limit=4"))["weights"]
     with pytest.raises(WeightsError, match="holds weights of m2_pretrain, not of m2"):
-        M2(weights=[file])
+        M2(M2Settings(weights=[file]))
     with pytest.raises(WeightsError, match="do not fit"):
         train(tiny("wider", f"train.init={file}", "method.network.width=24", method="m2"))
 

@@ -6,6 +6,7 @@ import torch
 from symshrec.benchmark.cloud import PUBLISHED_PERTURBATIONS
 from symshrec.methods.m3.module import M3
 from symshrec.methods.m4.module import M4
+from symshrec.methods.m4.settings import M4Settings
 from symshrec.reporting.tables.typeset import markdown
 from symshrec.runs.config import benchmark_of, load
 from symshrec.speed.timing import batch_timing, benchmark_clouds, method_timings, timings_grid
@@ -28,7 +29,7 @@ def test_the_timed_clouds_are_as_many_under_every_perturbation(clouds):
 
 def test_methods_have_a_line_beside_each_other_way(clouds, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    timings = list(method_timings(M3(), M4(), M4(rounds=0), clouds[:2]))
+    timings = list(method_timings(M3(), M4(), M4(M4Settings(rounds=0)), clouds[:2]))
     table = markdown(timings_grid(timings))
     for part in (
         "M3 (R1), median",

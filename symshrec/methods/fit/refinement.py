@@ -11,7 +11,7 @@ from symshrec.methods.fit.coupling import images_of_planes
 from symshrec.methods.fit.density import densities
 from symshrec.methods.fit.frame import frame_of
 from symshrec.methods.fit.likelihood import ascended, divergence
-from symshrec.methods.fit.settings import check_ranges
+from symshrec.methods.settings import check_ranges
 from symshrec.planes import Planes
 
 COARSE_POINTS, COARSE_STEPS = 800, 4

@@ -1,7 +1,9 @@
 """§3.1 What can be chosen about M1. No torch here: the schema of conf/ is made of these."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from enum import Enum
+
+from symshrec.methods.settings import HARMLESS, LearnedSettings
 
 
 class Encoder(Enum):
@@ -18,7 +20,7 @@ class VectorForm(Enum):
     sine = "sine"
 
 
-@dataclass
+@dataclass(frozen=True)
 class NetworkSettings:
     """The network of figure 3.
 
@@ -43,7 +45,7 @@ class NetworkSettings:
     planes: int = 13
 
     def __post_init__(self):
-        self.hidden = tuple(self.hidden)
+        object.__setattr__(self, "hidden", tuple(self.hidden))
         if len(self.hidden) != 2:
             raise ValueError(f"hidden is {list(self.hidden)}; two widths are needed")
         _at_least(self, 1, "points", "channels", "layers", "features", "planes")
@@ -53,7 +55,7 @@ class NetworkSettings:
             raise ValueError(f"channels is {self.channels}; it must be a multiple of 4")
 
 
-@dataclass
+@dataclass(frozen=True)
 class LossSettings:
     """Weights of the loss terms (Eq. 1 has them equal; SymmetryNet's reflection term is of R1 and R2 alone).
 
@@ -87,7 +89,7 @@ class LossSettings:
             _at_least(self, 1, "head_points")
 
 
-@dataclass
+@dataclass(frozen=True)
 class DecodeSettings:
     """From N·M predictions to planes (step 3 of figure 3).
 
@@ -120,9 +122,25 @@ class DecodeSettings:
             raise ValueError(f"decode.agreement_deg is {self.agreement_deg}; it must be positive")
 
 
+@dataclass(frozen=True)
+class M1Settings(LearnedSettings):
+    """All of M1.
+
+    Args:
+        network, loss, decode: see there.
+        twice: let the network also see every cloud mirrored in y, whose planes are the mirrored ones. The track's
+            shapes and poses are as likely one way as the other, and its errors are not the same. None is as the weights
+            were judged, and no where there are none.
+    """
+
+    name: str = field(default="m1", metadata=HARMLESS)
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+    loss: LossSettings = field(default_factory=LossSettings, metadata=HARMLESS)
+    decode: DecodeSettings = field(default_factory=DecodeSettings)
+    twice: bool | None = None
+
+
 def _at_least(settings, least: int, *names: str) -> None:
-    known = {field.name for field in fields(settings)}
     for name in names:
-        assert name in known
         if getattr(settings, name) < least:
             raise ValueError(f"{name} is {getattr(settings, name)}; it must be at least {least}")

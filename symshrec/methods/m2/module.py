@@ -1,6 +1,5 @@
 """§3.2 M2 as a SymmetryMethod that learns: farthest points on the unit sphere, planes of all heads, cleaning."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +12,7 @@ from symshrec.methods.m2.chamfer import mirrored_chamfer
 from symshrec.methods.m2.cleaning import clean, confidences
 from symshrec.methods.m2.loss import symmetry_loss
 from symshrec.methods.m2.network import M2Network
-from symshrec.methods.m2.settings import (
-    CleaningSettings,
-    Confidence,
-    LossSettings,
-    NetworkSettings,
-    PretrainSettings,
-)
+from symshrec.methods.m2.settings import Confidence, M2Settings, NetworkSettings
 from symshrec.methods.weights import Weights, load_into, read_weights
 from symshrec.planes import Planes
 
@@ -30,36 +23,12 @@ PRETRAINED = "m2_pretrain"  # the method that weights of a pre-training name
 class M2(LearnedMethod):
     """The Multi-Head Symmetry Transformer, which learns without labels.
 
-    Args:
-        network, loss, cleaning: see `NetworkSettings`, `LossSettings` and `CleaningSettings`. Weights bring the network
-            they belong to.
-        confidence: of the planes, see `Confidence`; `none` is as published.
-        pretrain: see `PretrainSettings`; only `M2Pretraining`, which the same configuration describes, heeds it.
-        weights, count_threshold, workers, refine: see `LearnedMethod`. The planes of several networks are cleaned
-            together.
-
-    Raises:
-        ValueError: naming the setting that is out of its range. WeightsError: for weights that cannot be used.
+    The planes of several networks are cleaned together.
     """
 
     name = "m2"
-
-    def __init__(
-        self,
-        network: NetworkSettings | None = None,
-        loss: LossSettings | None = None,
-        cleaning: CleaningSettings | None = None,
-        confidence: Confidence = Confidence.none,
-        pretrain: PretrainSettings | None = None,
-        weights: Sequence[str] = (),
-        count_threshold: float = 0.5,
-        workers: int = 0,
-        refine: bool = False,
-    ):
-        super().__init__(weights, count_threshold, workers, refine)
-        self.loss, self.cleaning, self.confidence = loss or LossSettings(), cleaning or CleaningSettings(), confidence
-        self.pretrain = pretrain or PretrainSettings()
-        self.networks = self.build(network or NetworkSettings())
+    Settings = M2Settings
+    version = 1
 
     def network_of(self, settings: NetworkSettings) -> nn.Module:
         return M2Network(settings)
@@ -79,9 +48,9 @@ class M2(LearnedMethod):
         """The published loss and its terms, the regularisation before its weight; see `symmetry_loss`."""
         points = UnitSphere.of(batch.points).apply(batch.points)
         count, queries = points.shape[1], None
-        if self.training and self.loss.queries is not None and self.loss.queries < count:
-            queries = torch.randperm(count, device=points.device)[: self.loss.queries]
-        found = symmetry_loss(points, *self.networks[0](points), self.loss.regularisation, queries)
+        if self.training and self.settings.loss.queries is not None and self.settings.loss.queries < count:
+            queries = torch.randperm(count, device=points.device)[: self.settings.loss.queries]
+        found = symmetry_loss(points, *self.networks[0](points), self.settings.loss.regularisation, queries)
         return {"symmetry": found.symmetry, "regularisation": found.regularisation, "loss": found.total}
 
     def detect_sampled(self, points: Tensor) -> list[Planes]:
@@ -99,9 +68,9 @@ class M2(LearnedMethod):
 
     def _cleaned(self, normals, offsets, losses) -> Planes:
         """The planes that cleaning leaves of one cloud, on the sphere, from arrays (H, 3), (H,) and (H,)."""
-        cleaning = replace(self.cleaning, loss_limit=self.cleaning.limit_at(self.points))
+        cleaning = replace(self.settings.cleaning, loss_limit=self.settings.cleaning.limit_at(self.points))
         kept = clean(normals, losses, cleaning)
-        if self.confidence is Confidence.none:
+        if self.settings.confidence is Confidence.none:
             kept = np.sort(kept)
-        sure = confidences(losses[kept], self.confidence, cleaning.loss_limit)
+        sure = confidences(losses[kept], self.settings.confidence, cleaning.loss_limit)
         return Planes(normals[kept], -offsets[kept, None] * normals[kept], sure)

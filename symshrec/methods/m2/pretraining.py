@@ -15,7 +15,7 @@ from symshrec.planes import Planes
 class M2Pretraining(M2):
     """Learns to tell hidden patches of clouds from the others; needs no truth, and finds no planes.
 
-    Args: those of M2; of its settings only the encoder's and `pretrain` matter.
+    Of M2's settings only the encoder's and `pretrain` matter.
     """
 
     name = PRETRAINED
@@ -24,7 +24,7 @@ class M2Pretraining(M2):
         encoder = Encoder(settings)
         for unused in (encoder.class_token, encoder.class_position):
             unused.requires_grad_(False)
-        return MaskedAutoencoder(encoder, self.pretrain)
+        return MaskedAutoencoder(encoder, self.settings.pretrain)
 
     def losses(self, batch: SampledBatch) -> dict[str, Tensor]:
         """What the reconstruction is off, see `chamfer_l2`."""
@@ -43,6 +43,5 @@ class M2Pretraining(M2):
 
     def detect_sampled(self, points: Tensor) -> list[Planes]:
         raise ValueError(
-            "a pre-training has no heads that could find planes; train M2 from its weights with run=published "
-            "train.init=FILE"
+            "a pre-training has no heads that could find planes; train M2 from its weights with run=m2 train.init=FILE"
         )

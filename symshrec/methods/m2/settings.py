@@ -2,8 +2,10 @@
 
 import math
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
+
+from symshrec.methods.settings import HARMLESS, LearnedSettings
 
 TINY = sys.float_info.min
 PUBLISHED_POINTS = 1024  # of the clouds that the published limit is for
@@ -20,7 +22,7 @@ class Confidence(Enum):
     loss = "loss"
 
 
-@dataclass
+@dataclass(frozen=True)
 class NetworkSettings:
     """The published backbone, and the heads.
 
@@ -68,7 +70,7 @@ class NetworkSettings:
                 raise ValueError(f"network.{name} is {getattr(self, name)}; it must be a share in [0, 1)")
 
 
-@dataclass
+@dataclass(frozen=True)
 class LossSettings:
     """The loss without labels.
 
@@ -90,7 +92,7 @@ class LossSettings:
             raise ValueError(f"loss.queries is {self.queries}; it must be at least 1")
 
 
-@dataclass
+@dataclass(frozen=True)
 class CleaningSettings:
     """The constants of the cleaning step.
 
@@ -122,7 +124,7 @@ class CleaningSettings:
         return self.loss_limit * (points / PUBLISHED_POINTS) ** 0.4
 
 
-@dataclass
+@dataclass(frozen=True)
 class PretrainSettings:
     """Masked autoencoding, which only the pre-training does.
 
@@ -142,3 +144,21 @@ class PretrainSettings:
             raise ValueError(f"pretrain.mask_ratio is {self.mask_ratio}; it must be a share between 0 and 1")
         if self.decoder_depth < 1:
             raise ValueError(f"pretrain.decoder_depth is {self.decoder_depth}; it must be at least 1")
+
+
+@dataclass(frozen=True)
+class M2Settings(LearnedSettings):
+    """All of M2 and of its pre-training.
+
+    Args:
+        network, loss, cleaning: see there.
+        confidence: of the planes, see `Confidence`; `none` is as published.
+        pretrain: see `PretrainSettings`; only `M2Pretraining`, which the same settings describe, heeds it.
+    """
+
+    name: str = field(default="m2", metadata=HARMLESS)
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+    loss: LossSettings = field(default_factory=LossSettings, metadata=HARMLESS)
+    cleaning: CleaningSettings = field(default_factory=CleaningSettings)
+    confidence: Confidence = Confidence.none
+    pretrain: PretrainSettings = field(default_factory=PretrainSettings, metadata=HARMLESS)

@@ -1,57 +1,16 @@
 """§3.3 Diffusion-based symmetry detection [SGS14 for point clouds]: one cloud in, its mirror planes out."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.spatial import cKDTree
 
 from symshrec.methods.m3.candidates import local_maxima, pair_planes
 from symshrec.methods.m3.selection import select_planes
+from symshrec.methods.m3.settings import M3Settings
 from symshrec.methods.m3.spectrum import diffusion, laplacian_spectrum
 from symshrec.planes import Planes
 
 COLLINEAR = 1e-9  # of the spread: a cloud thinner than this in two directions is a straight line
 FEWEST_POINTS = 4
-
-
-@dataclass(frozen=True)
-class M3Settings:
-    """What §3.3 fixes, and the diffusion time and the neighbours of the Laplacian, which it does not.
-
-    Args:
-        neighbours: K, within which a local maximum is the greatest: 200 in run R1, 250 in R2.
-        eigenpairs: of the Laplacian.
-        mollify: mollification factor of the triangulation, relative to its mean edge length.
-        laplacian_neighbours: neighbours in the local triangulations (robust_laplacian's own value).
-        time_factor: diffusion time in units of 1/λ₁; may be infinite.
-        chamfer_limit: Chamfer distance, at diagonal 1, from which on a candidate is no symmetry.
-        separation_deg: least angle between the normals of two planes, in degrees.
-
-    Raises:
-        ValueError: naming the setting that is out of its range.
-    """
-
-    neighbours: int = 200
-    eigenpairs: int = 10
-    mollify: float = 1e-3
-    laplacian_neighbours: int = 30
-    time_factor: float = 0.3
-    chamfer_limit: float = 100.0
-    separation_deg: float = 5.0
-
-    def __post_init__(self):
-        ranges = {
-            "neighbours": (1, np.inf),
-            "eigenpairs": (2, np.inf),
-            "mollify": (0, np.inf),
-            "laplacian_neighbours": (3, np.inf),
-            "time_factor": (np.finfo(float).tiny, np.inf),
-            "chamfer_limit": (np.finfo(float).tiny, np.inf),
-            "separation_deg": (0, 90),
-        }
-        for name, (low, high) in ranges.items():
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a number in [{low:g}, {high:g}]")
 
 
 def detect_planes(points: np.ndarray, settings: M3Settings | None = None) -> Planes:

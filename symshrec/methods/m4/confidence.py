@@ -5,8 +5,6 @@ from torch import Tensor
 
 FEWEST = 256  # points of the sparsest clouds calibrated on; fewer count as so many
 NAMES = ("divergence", "excess", "sparseness")  # of the features, after the intercept
-# experiments/calibrate.py fits these on clouds of the training split; results/calibration.json is its record.
-CALIBRATION = (1.759, -82.546, -60.19, 236.37)
 
 
 def features(divergences: Tensor, count: int) -> Tensor:

@@ -1,8 +1,5 @@
 """M4, our training-free detector: one cloud in, its mirror planes out."""
 
-from dataclasses import dataclass
-
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -11,9 +8,9 @@ from symshrec.methods.fit.coupling import closure, distinct, find_relations, orb
 from symshrec.methods.fit.density import Density, densities
 from symshrec.methods.fit.frame import frame_of
 from symshrec.methods.fit.likelihood import RELATION_DEG, RELATION_DISTANCE, ascended, divergence
-from symshrec.methods.fit.settings import check_ranges
-from symshrec.methods.m4.confidence import CALIBRATION, confidences
+from symshrec.methods.m4.confidence import confidences
 from symshrec.methods.m4.search import searched
+from symshrec.methods.m4.settings import M4Settings
 from symshrec.planes import Planes
 
 # Lengths are shares of the cloud's size (see `frame_of`), divergences in nats a point.
@@ -25,50 +22,6 @@ HOPELESS = (0.6, 0.5, 0.3, 0.2, 0.12)  # divergences beyond which a candidate go
 LIKELY, TIED = 0.08, 0.025  # divergences above the best plane's up to which planes are completed, and tied together
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
-
-
-@dataclass(frozen=True)
-class M4Settings:
-    """What there is to choose.
-
-    Args:
-        points: most points used of a cloud; the rest changes nothing.
-        neighbours: points in a local plane.
-        directions: normals tried in the search.
-        candidates: local maxima of the search that are followed.
-        separation_deg: least angle between two planes, in degrees.
-        max_planes: most planes returned.
-        together: whether planes whose images in each other are planes as well are estimated together.
-        rounds: of point-to-plane alignment at most; 0 suffices for 1° and 1 %.
-        calibration: intercept and weights of the logistic regression that gives confidences (see `confidence`).
-
-    Raises:
-        ValueError: naming the setting that is out of its range.
-    """
-
-    points: int = 8192
-    neighbours: int = 12
-    directions: int = 1500
-    candidates: int = 28
-    separation_deg: float = 5.0
-    max_planes: int = 40
-    together: bool = True
-    rounds: int = 10
-    calibration: tuple[float, ...] = CALIBRATION
-
-    def __post_init__(self):
-        ranges = {
-            "points": (64, np.inf),
-            "neighbours": (4, np.inf),
-            "directions": (16, np.inf),
-            "candidates": (1, np.inf),
-            "separation_deg": (0, 90),
-            "max_planes": (1, np.inf),
-            "rounds": (0, np.inf),
-        }
-        check_ranges(self, ranges)
-        if len(self.calibration) != len(CALIBRATION):
-            raise ValueError(f"calibration has {len(self.calibration)} numbers, expected {len(CALIBRATION)}")
 
 
 @torch.inference_mode()

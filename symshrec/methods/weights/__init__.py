@@ -12,6 +12,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
+from symshrec.methods.settings import restored_settings
+
 FORMAT = "symshrec weights 1"
 
 
@@ -21,7 +23,11 @@ class WeightsError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Weights:
-    """name: of the shipped file, or its path; network: settings by name; training: how they came about."""
+    """Trained weights.
+
+    name: of the shipped file, or its path. network, detection: the method's settings that belong to them, by name.
+    training: how they came about.
+    """
 
     name: str
     method: str
@@ -29,6 +35,18 @@ class Weights:
     network: dict
     training: dict
     tensors: dict[str, Tensor]
+    detection: dict
+
+    def restored(self, kind: type):
+        """The network's settings as this dataclass.
+
+        Raises:
+            WeightsError: naming the file, where the settings are not of that kind.
+        """
+        try:
+            return restored_settings(kind, self.network)
+        except (TypeError, ValueError) as error:
+            raise WeightsError(f"weights {self.name!r} describe no network of {self.method} ({error})") from error
 
     @property
     def about(self) -> str:
@@ -71,17 +89,24 @@ def read_weights(name: str, *methods: str) -> Weights:
         raise WeightsError(f"{path} holds weights of {about['method']}, not of {' or '.join(dict.fromkeys(methods))}")
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     tensors = {key: value.float() if value.is_floating_point() else value for key, value in tensors.items()}
-    return Weights(name, about["method"], sha256, json.loads(about["network"]), json.loads(about["training"]), tensors)
+    network, training, detection = (json.loads(about.get(key, "{}")) for key in ("network", "training", "detection"))
+    return Weights(name, about["method"], sha256, network, training, tensors, detection)
 
 
 def write_weights(
-    path: Path, method: str, network: Mapping, training: Mapping, tensors: Mapping[str, Tensor], exact: Sequence = ()
+    path: Path,
+    method: str,
+    network: Mapping,
+    training: Mapping,
+    tensors: Mapping[str, Tensor],
+    exact: Sequence = (),
+    detection: Mapping | None = None,
 ) -> None:
     """Matrices in half precision, vectors (biases, norms, statistics) in single; in place at once or not at all.
 
     Args:
         path: a .safetensors file.
-        method, network, training: see `Weights`; plain values.
+        method, network, training, detection: see `Weights`; plain values.
         tensors: of the network.
         exact: names of matrices to keep in single precision.
     """
@@ -90,6 +115,7 @@ def write_weights(
         value = value.detach().cpu().contiguous()
         stored[key] = value.half() if value.is_floating_point() and value.ndim > 1 and key not in exact else value
     about = {"format": FORMAT, "method": method, "network": json.dumps(network), "training": json.dumps(training)}
+    about |= {"detection": json.dumps(detection)} if detection else {}
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     save_file(stored, partial, metadata=about)

@@ -22,7 +22,7 @@ def detect_planes(
     The Laplacian depends on the order of the points, so a comparison must pass them through
     `symshrec.methods.m3.pipeline.spatial_order` first.
 
-    The arguments are those of `symshrec.methods.m3.pipeline.M3Settings`.
+    The arguments are those of `symshrec.methods.m3.settings.M3Settings`.
     """
     # "rescales the point cloud such that the diagonal of the object measures one"
     points = np.asarray(points, dtype=np.float64)
