@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symshrec.benchmark.official.numbers import complaint, parse_counted_rows, parse_rows
+from symshrec.benchmark.official.numbers import LONGEST_QUOTE, complaint, parse_counted_rows, parse_rows
 from symshrec.files.atomic import write_atomically
 from symshrec.planes import MIN_NORMAL_LENGTH, Planes
 
@@ -119,11 +119,13 @@ def read_subset(path: Path) -> list[int]:
     Raises:
         OfficialFileError: naming file and line, for anything but a whole number and for an ID that is listed twice.
     """
-    lines = Path(path).read_text(encoding="utf-8", errors="replace").rstrip().split("\n")
+    lines = Path(path).read_text(encoding="utf-8-sig", errors="replace").rstrip().split("\n")
     first_seen: dict[int, int] = {}
     for number, line in enumerate(lines, 1):
-        if not re.fullmatch(r"\d{1,18}", line.strip()):
-            raise complaint(path, number, f"{line.strip()!r} is not a cloud's ID; write one whole number a line")
+        if not re.fullmatch(r"[0-9]{1,18}", line.strip()):
+            raise complaint(
+                path, number, f"{line.strip()[:LONGEST_QUOTE]!r} is not a cloud's ID; write one whole number a line"
+            )
         cloud = int(line)
         if cloud in first_seen:
             raise complaint(path, number, f"ID {cloud} is already on line {first_seen[cloud]}; list it once")
