@@ -9,13 +9,16 @@ import torch
 from torch import Tensor, nn
 
 from symshrec.data.batch import Batch, SampledBatch
+from symshrec.files.foreign import is_whole
 from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.optimiser import OptimiserSettings
-from symshrec.methods.weights import Weights, load_into, read_weights
+from symshrec.methods.weights import Weights, WeightsError, check_fit, load_into, read_weights
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
+LARGEST_SETTING = 65_536  # of a network that weights may bring: far above any that a machine could use
+DEEP = ("layers", "depth")
 SMALLEST = 1e-12  # radius that a cloud is divided by at least
 
 
@@ -82,13 +85,24 @@ class LearnedMethod(SymmetryMethod):
         kinds = {str(each.network): each.network for each in self.weights}
         if len(kinds) > 1:
             raise ValueError(f"weights of different networks cannot answer together: {'; '.join(kinds)}")
-        for network in kinds.values():
-            settings = restored_settings(type(settings), network)
+        for weights in self.weights[:1]:
+            settings = self._settings_of(weights, type(settings))
         self.network_settings = settings
         networks = nn.ModuleList(self.network_of(settings) for _ in self.weights or [None])
         for network, weights in zip(networks, self.weights, strict=False):
             load_into(network, weights)
         return networks
+
+    def _settings_of(self, weights: Weights, kind: type):
+        """The settings that weights bring with them, once a network by them, of no size in memory, fits the weights."""
+        try:
+            settings = restored_settings(kind, weights.network, len(weights.tensors))
+            with torch.device("meta"):
+                network = self.network_of(settings)
+        except (ValueError, RuntimeError) as error:
+            raise WeightsError(f"weights {weights.name!r}: no network is like theirs: {error}") from error
+        check_fit(network, weights)
+        return settings
 
     def start_from(self, name: str) -> Weights:
         """Take over shipped weights, or those in a file, before training; returns them with their record.
@@ -201,13 +215,43 @@ def plain_settings(settings) -> dict:
     return {key: value.name if isinstance(value, Enum) else value for key, value in asdict(settings).items()}
 
 
-def restored_settings(kind: type, plain: dict):
-    """Settings of a kind from what `plain_settings` gave."""
-    fields = kind.__dataclass_fields__
-    enums = {name: field.type for name, field in fields.items() if isinstance(field.type, type)}
-    return kind(
-        **{
-            key: enums[key][value] if issubclass(enums.get(key, object), Enum) else value
-            for key, value in plain.items()
-        }
-    )
+def restored_settings(kind: type, plain: dict, layers: int = LARGEST_SETTING):
+    """Settings of a kind from what `plain_settings` gave.
+
+    Args:
+        layers: more than so many a network cannot have; its weights' tensors.
+
+    Raises:
+        ValueError: naming the setting that the kind has not, or whose value is of another type or beyond all sense.
+    """
+    defaults, values = kind(), {}
+    for name, value in plain.items():
+        if not isinstance(name, str) or name not in kind.__dataclass_fields__:
+            raise ValueError(f"network.{str(name)[:40]} is no setting of this method's network")
+        most = layers if name in DEEP else LARGEST_SETTING
+        values[name] = _restored(f"network.{name}", value, getattr(defaults, name), most)
+    return kind(**values)
+
+
+def _restored(name: str, value, default, most: int):
+    """A plain value as one of its default's type."""
+    wrong = ValueError(f"{name} is {str(value)[:40]!r}; it must be like {default} and a number at most {most}")
+    match default:
+        case Enum():
+            if not isinstance(value, str) or value not in type(default).__members__:
+                raise ValueError(f"{name} is {str(value)[:40]!r}; it must be {' or '.join(type(default).__members__)}")
+            return type(default)[value]
+        case bool():
+            if not isinstance(value, bool):
+                raise wrong
+        case int():
+            if not is_whole(value, 0, most):
+                raise wrong
+        case float():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:
+                raise wrong
+        case tuple():
+            if not isinstance(value, list | tuple) or not all(is_whole(each, 0, most) for each in value):
+                raise wrong
+            return tuple(value)
+    return value
