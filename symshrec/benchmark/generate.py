@@ -1,7 +1,6 @@
 """§2.1–2.2 (seed, split, index) → a labelled cloud, and all of them → shards: in parallel, resumable, verified."""
 
 import hashlib
-import json
 import multiprocessing
 from collections import Counter
 from collections.abc import Iterator
@@ -25,11 +24,13 @@ from symshrec.benchmark.manifest import (
     damages,
     json_text,
     read_manifest,
+    read_request,
 )
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
 from symshrec.benchmark.shards import cloud_name, encode_shard
 from symshrec.benchmark.surfaces import draw_pose, draw_shape
 from symshrec.files.atomic import ShardError, remove_temporaries, require_room, sole_writer, write_atomically
+from symshrec.files.foreign import parse_json
 from symshrec.files.processes import end_with_parent, main_left_out
 
 SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
@@ -138,10 +139,7 @@ def _refuse_other(root: Path, request: dict, manifest: Manifest | None, tasks: l
     if manifest is not None:
         begun = {"generator_version": manifest.generator_version, "config": manifest.config}
     elif (root / REQUEST).exists():
-        try:
-            begun = json.loads((root / REQUEST).read_text())
-        except ValueError as error:
-            raise ShardError(f"{root / REQUEST} is not readable ({error}); empty the folder and start again") from error
+        begun = read_request(root)
     lines = differences(begun["config"], request["config"])
     if begun["generator_version"] != GENERATOR_VERSION:
         lines.append(f"generator version: folder has {begun['generator_version']}, this is {GENERATOR_VERSION}")
@@ -161,7 +159,7 @@ def _kept(root: Path, tasks: list[_Task], manifest: Manifest | None) -> dict[str
 def _recorded(root: Path, task: _Task) -> ShardRecord | None:
     """The sidecar's record of a shard, None where there is no valid one."""
     try:
-        record = ShardRecord(**json.loads((root / _sidecar(task.file)).read_text()))
+        record = ShardRecord(**parse_json((root / _sidecar(task.file)).read_bytes()))
     except (OSError, ValueError, TypeError):
         return None
     return record if (record.file, record.split, record.first, record.clouds) == tuple(asdict(task).values()) else None

@@ -1,88 +1,25 @@
 """§2.1–2.2 The benchmark on disk: shards of variable-length clouds with their planes and labels, memory-mapped."""
 
-import json
-import mmap
 from bisect import bisect_right
 from collections import OrderedDict
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import save
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud, Labels
+from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.manifest import Manifest, damages, read_manifest
+from symshrec.benchmark.shard_file import LABELS, MappedShard, encode_shard
 from symshrec.files.atomic import ShardError
 from symshrec.planes import Planes
 
-METADATA = "symshrec"  # a single key: safetensors does not keep several in a fixed order
-DTYPES = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
 MAPPED_SHARDS = 160  # each holds one file descriptor
 
 __all__ = ["Manifest", "ShardError", "ShardedSplit", "encode_shard", "read_manifest"]
 
 
-def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
-    """The file of consecutive clouds of a split: safetensors, arrays end to end with their starts.
-
-    points (ΣN, 3) float32 with point_starts (C + 1,); plane_normals, plane_points (ΣK, 3) float64 with plane_starts;
-    family, solid, perturbation (C,) uint8, places in the names kept as metadata; rotation (C, 3, 3), translation (C, 3)
-    and parameters (C, P) float64, NaN where a parameter does not apply.
-    """
-    names = sorted({name for cloud in clouds for name in cloud.labels.parameters})
-    labels = [cloud.labels for cloud in clouds]
-    published = all(each.perturbation in PUBLISHED_PERTURBATIONS for each in labels)
-    arrays = {
-        "points": np.concatenate([cloud.points for cloud in clouds]),
-        "point_starts": _starts(len(cloud.points) for cloud in clouds),
-        "plane_normals": np.concatenate([cloud.planes.normals for cloud in clouds]),
-        "plane_points": np.concatenate([cloud.planes.points for cloud in clouds]),
-        "plane_starts": _starts(len(cloud.planes) for cloud in clouds),
-        "family": np.array([FAMILIES.index(each.family) for each in labels], dtype=np.uint8),
-        "solid": np.array([SOLIDS.index(each.solid) for each in labels], dtype=np.uint8),
-        "perturbation": np.array([PERTURBATIONS.index(each.perturbation) for each in labels], dtype=np.uint8),
-        "rotation": np.stack([each.rotation for each in labels]),
-        "translation": np.stack([each.translation for each in labels]),
-        "parameters": np.array([[each.parameters.get(name, np.nan) for name in names] for each in labels], dtype=float),
-    }
-    about = {
-        "split": split,
-        "first": clouds[0].id,
-        "parameters": names,
-        "family": FAMILIES,
-        "solid": SOLIDS,
-        "perturbation": PUBLISHED_PERTURBATIONS if published else PERTURBATIONS,
-    }
-    return save(arrays, {METADATA: json.dumps(about, sort_keys=True)})
-
-
 def cloud_name(split: str, index: int) -> str:
     """The name under which a generated cloud appears in lists and figures."""
     return f"{split}-{index:06d}"
-
-
-def _starts(lengths) -> np.ndarray:
-    return np.concatenate([[0], np.cumsum(list(lengths))]).astype(np.int64)
-
-
-class _Shard:
-    """One shard file mapped into memory: arrays as read-only views, and the metadata."""
-
-    def __init__(self, path: Path):
-        with open(path, "rb") as file:
-            content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        size = int.from_bytes(content[:8], "little")
-        header = json.loads(content[8 : 8 + size])
-        self.about = json.loads(header.pop("__metadata__")[METADATA])
-        self.arrays = {}
-        for name, entry in header.items():
-            dtype = np.dtype(DTYPES[entry["dtype"]])
-            begin, end = entry["data_offsets"]
-            flat = np.frombuffer(content, dtype, (end - begin) // dtype.itemsize, 8 + size + begin)
-            self.arrays[name] = flat.reshape(entry["shape"])
-
-    def names(self, label: str) -> np.ndarray:
-        """A label's name for every cloud, (C,) of str."""
-        return np.array(self.about[label])[self.arrays[label]]
 
 
 class ShardedSplit:
@@ -113,11 +50,17 @@ class ShardedSplit:
         return self.manifest.splits[self.split].clouds
 
     def __getitem__(self, index: int) -> LabelledCloud:
-        """The cloud at `index` (negative counts from the end); its arrays are copies, free to change."""
+        """The cloud at `index` (negative counts from the end); its arrays are copies, free to change.
+
+        Raises:
+            ShardError: for a file that is no shard, naming the array or field, and for points that are not finite.
+        """
         index, shard, row = self._locate(index)
-        points = _rows(shard.arrays, "points", "point_starts", row).copy()
-        normals = _rows(shard.arrays, "plane_normals", "plane_starts", row)
-        planes = Planes(normals, _rows(shard.arrays, "plane_points", "plane_starts", row).copy())
+        points = shard.rows("points", "point_starts", row).copy()
+        if not np.isfinite(points).all():
+            raise ShardError(f"{self.root}: cloud {index} of {self.split} has points that are not finite; make it anew")
+        normals = shard.rows("plane_normals", "plane_starts", row)
+        planes = Planes(normals, shard.rows("plane_points", "plane_starts", row).copy())
         return LabelledCloud(points, planes, self._labels(shard, row), index, cloud_name(self.split, index))
 
     def labels(self, index: int) -> Labels:
@@ -158,30 +101,31 @@ class ShardedSplit:
                 "whole shards and makes only these anew"
             )
 
-    def _locate(self, index: int) -> tuple[int, _Shard, int]:
+    def _locate(self, index: int) -> tuple[int, MappedShard, int]:
         if not -len(self) <= index < len(self):
             raise IndexError(f"cloud {index} of {len(self)} in split {self.split!r} of {self.root}")
         index = int(index) % len(self)
         place = bisect_right(self._firsts, index) - 1
         return index, self._shard(place), index - self._firsts[place]
 
-    def _shard(self, place: int) -> _Shard:
+    def _shard(self, place: int) -> MappedShard:
         """The shard, mapped at first use; the one unused for longest goes when there are too many."""
         if place in self._mapped:
             self._mapped.move_to_end(place)
             return self._mapped[place]
-        path = self.root / self._records[place].file
+        record = self._records[place]
+        path = self.root / record.file
         try:
-            shard = self._mapped[place] = _Shard(path)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+            shard = self._mapped[place] = MappedShard(path, record)
+        except (OSError, ValueError) as error:
             raise ShardError(f"{path} is not a readable shard ({error}); verify=True says how to mend it") from error
         if len(self._mapped) > MAPPED_SHARDS:
             self._mapped.popitem(last=False)
         return shard
 
-    def _labels(self, shard: _Shard, row: int) -> Labels:
+    def _labels(self, shard: MappedShard, row: int) -> Labels:
         arrays, about = shard.arrays, shard.about
-        named = {label: about[label][arrays[label][row]] for label in ("family", "solid", "perturbation")}
+        named = {label: about[label][arrays[label][row]] for label in LABELS}
         values = zip(about["parameters"], arrays["parameters"][row].tolist(), strict=True)
         parameters = {name: value for name, value in values if value == value}
         pose = {"rotation": arrays["rotation"][row].copy(), "translation": arrays["translation"][row].copy()}
@@ -192,8 +136,3 @@ class ShardedSplit:
             names = [self._shard(place).names(label) for place in range(len(self._records))]
             self._names[label] = np.concatenate(names)
         return self._names[label].copy()
-
-
-def _rows(arrays: dict[str, np.ndarray], name: str, starts: str, row: int) -> np.ndarray:
-    begin, end = arrays[starts][row : row + 2]
-    return arrays[name][begin:end]

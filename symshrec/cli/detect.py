@@ -3,20 +3,21 @@
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 from tqdm import tqdm
 
-from symshrec.cli.arguments import count, setting, share
+from symshrec.cli.arguments import count, setting, share, whole
 from symshrec.files.atomic import write_atomically
 from symshrec.geometry.residuals import mirror_residuals
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
-from symshrec.scans import EXTENSIONS, SAMPLES, read_cloud
+from symshrec.scans import EXTENSIONS, MOST_SAMPLES, SAMPLES, read_cloud
 from symshrec.scans.example import EXAMPLE, write_example
-from symshrec.scans.report import Detection, as_json, as_table
+from symshrec.scans.report import Detection, as_json, as_table, printable
 
 STEM = "{stem}"
 PLOTS = (".png", ".html")
@@ -40,7 +41,7 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
     parser.add_argument("--max-planes", type=count, metavar="N", help="the N most confident at most (all)")
     parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
-    parser.add_argument("--seed", type=int, default=0, help="of those points (0)")
+    parser.add_argument("--seed", type=whole, default=0, help="of those points (0)")
     parser.add_argument(
         "--json", metavar="OUT", help="write all that was found; - to standard output, in place of tables"
     )
@@ -49,8 +50,19 @@ def parser() -> argparse.ArgumentParser:
     return parser
 
 
+@dataclass
+class Found:
+    """What a batch of files has given so far; `remaining` were not come to."""
+
+    remaining: list[Path]
+    detections: list[Detection] = field(default_factory=list)
+    failures: list[tuple[Path, str]] = field(default_factory=list)
+
+
 def run(options: argparse.Namespace) -> None:
-    """Detect on every file, one after the other, and print a table each; what fails is told and left out.
+    """Detect on every file, one after the other, and print a table each; a file that fails is a line on stderr.
+
+    Whatever happens to a file, the others are done; whatever ends the batch, Ctrl-C too, what was found is written.
 
     Raises:
         ValueError: for arguments that do not go together, and after all else where a file failed.
@@ -60,27 +72,38 @@ def run(options: argparse.Namespace) -> None:
     if options.example:
         write_example(Path(EXAMPLE))
     detect, threshold = _detector(options)
-    detections, failures = [], {}
-    for path in tqdm(files, unit=" files", disable=None if len(files) > 1 else True):
-        try:
-            detection = detect_file(path, detect, options.samples, options.seed)
-            _write(detection, options)
-        except (ValueError, OSError, RuntimeError) as error:
-            failures[str(path)] = _told(path, error)
-            if len(files) > 1:
-                tqdm.write(f"symshrec detect: {failures[str(path)]}", file=sys.stderr)
-            continue
-        detections.append(detection)
-        for note in detection.cloud.notes:
-            tqdm.write(f"{path}: {note}", file=sys.stderr)
-        if options.json != "-":
-            tqdm.write(as_table(detection, threshold), file=sys.stdout)
-    if options.json:
-        text = as_json(detections, options.method, dict(options.set), threshold, failures)
-        print(text, end="") if options.json == "-" else write_atomically(Path(options.json), text.encode())
-    if failures:
-        (first, *_), alone = failures.values(), len(files) == 1
-        raise ValueError(first if alone else f"{len(failures)} of {len(files)} files failed, as told above")
+    found = Found(list(files))
+    try:
+        for path in tqdm(files, unit=" files", disable=None if len(files) > 1 else True):
+            _detect_one(path, detect, threshold, options, found, alone=len(files) == 1)
+            found.remaining.pop(0)
+    finally:
+        if options.json:
+            failures = [(str(path), error) for path, error in found.failures]
+            remaining = [str(path) for path in found.remaining]
+            about = (options.method, dict(options.set), threshold)
+            text = as_json(found.detections, *about, failures, remaining)
+            print(text, end="") if options.json == "-" else write_atomically(Path(options.json), text.encode())
+    if found.failures:
+        (_, first), count = found.failures[0], len(found.failures)
+        raise ValueError(first if len(files) == 1 else f"{count} of {len(files)} files failed, as named above")
+
+
+def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Found, alone: bool) -> None:
+    """Detect on one file and keep what comes of it: a detection, or the line that says why there is none."""
+    try:
+        detection = detect_file(path, detect, options.samples, options.seed)
+        _write(detection, options)
+    except Exception as error:  # whatever a file of a batch may do, the others are still to be done
+        found.failures.append((path, _as_line(path, error)))
+        if not alone:
+            _say(f"symshrec detect: {found.failures[-1][1]}", sys.stderr)
+        return
+    found.detections.append(detection)
+    for note in detection.cloud.notes:
+        _say(f"{printable(path)}: {note}", sys.stderr)
+    if options.json != "-":
+        _say(as_table(detection, threshold), sys.stdout)
 
 
 def detect_file(path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0) -> Detection:
@@ -103,6 +126,10 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
     """Refuse what would fail only after minutes of work."""
     if not files:
         raise ValueError("no file to detect on; name one or several, or try --example")
+    if options.samples > MOST_SAMPLES:
+        raise ValueError(f"--samples {options.samples}: at most {MOST_SAMPLES:,} points are drawn on a mesh")
+    if options.json and options.json != "-" and Path(options.json).is_dir():
+        raise ValueError(f"--json {options.json} is a folder; name a file")
     for name in ("plot", "res", "json"):
         out = getattr(options, name)
         if out is None or out == "-":
@@ -135,7 +162,9 @@ def _write(detection: Detection, options: argparse.Namespace) -> None:
         if out.suffix.lower() == ".html":
             from symshrec.reporting.figures.page import cloud_page
 
-            content = cloud_page(detection.cloud.points, detection.planes, title=detection.path.name).encode()
+            content = cloud_page(
+                detection.cloud.points, detection.planes, title=printable(detection.path.name)
+            ).encode()
         else:
             from symshrec.reporting.figures.drawing import cloud_picture
 
@@ -143,7 +172,19 @@ def _write(detection: Detection, options: argparse.Namespace) -> None:
         write_atomically(out, content, sync=False)
 
 
-def _told(path: Path, error: Exception) -> str:
+def _as_line(path: Path, error: Exception) -> str:
     """The error in one line that names the file."""
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if str(path) in text else f"{path}: {text}"
+    text, kind = " ".join(str(error).split()), type(error).__name__
+    if isinstance(error, MemoryError):
+        text = "it needs more memory than there is"
+    elif not isinstance(error, ValueError | OSError | RuntimeError) or not text:
+        text = f"{kind}: {text}" if text else kind  # of no kind that a reader or a method should raise
+    name = printable(path)
+    text = printable(text.replace(str(path), name))
+    return text if name in text else f"{name}: {text}"
+
+
+def _say(text: str, stream) -> None:
+    """Print beside the progress bar, with escapes for what the stream's encoding cannot show."""
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    tqdm.write(text.encode(encoding, "backslashreplace").decode(encoding), file=stream)

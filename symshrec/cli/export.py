@@ -13,7 +13,7 @@ from symshrec.benchmark.official import LAYOUTS, RESULTS_FILE, Layout, write_res
 from symshrec.benchmark.shards import ShardedSplit, read_manifest
 from symshrec.cli.arguments import count
 from symshrec.cli.parallel import available_cores, over_clouds
-from symshrec.cli.sources import PredictedResults
+from symshrec.cli.sources import PredictedResults, warnings_as_lines
 from symshrec.files.atomic import remove_temporaries, write_atomically
 
 UNFINISHED = ".unfinished-export.json"  # says what is being exported while it is, so that it can be taken up again
@@ -85,7 +85,8 @@ def export_predictions(path: Path, out: Path, overwrite: bool = False) -> None:
         PredictionFileError: as `load_predictions`.
         ValueError: as `export_shards`; also where two clouds have one ID.
     """
-    results = PredictedResults(path)
+    with warnings_as_lines("export"):
+        results = PredictedResults(path)
     request = {"predictions": hashlib.sha256(path.read_bytes()).hexdigest()}
     claim(out, request, out.glob(RESULTS_FILE.format(id="*")), overwrite)
     for _ in over_clouds(partial(_write_results, results, out), results.ids, out.name, workers=1):

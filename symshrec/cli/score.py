@@ -3,13 +3,14 @@
 import argparse
 import json
 import sys
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from symshrec.benchmark.official import RESULTS_FILE
+from symshrec.benchmark.official import RESULTS_FILE, ConfidenceWarning, confidences_outside
 from symshrec.cli.arguments import angle, count, share
 from symshrec.cli.parallel import available_cores, over_clouds
 from symshrec.cli.sources import Results, Truth, open_results, open_truth
@@ -45,7 +46,9 @@ def parser() -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> None:
     """Score, tell on stderr what is missing, and print a table or JSON."""
-    results = open_results(options.results)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConfidenceWarning)  # of which one line says it all below
+        results = open_results(options.results)
     truth = open_truth(options.truth, options.split, options.subset, options.points)
     threshold = options.count_threshold
     if threshold is None:
@@ -59,17 +62,28 @@ def run(options: argparse.Namespace) -> None:
         if ids:
             names = [RESULTS_FILE.format(id=cloud) for cloud in ids[:NAMED]]
             print(f"{len(ids)} {what}: {', '.join(names)}{', ...' * (len(ids) > NAMED)}", file=sys.stderr)
+    if report.odd:
+        file = options.results
+        if not file.is_file():
+            file = file / RESULTS_FILE.format(id=next(iter(report.odd)))
+        clouds = f" (in {len(report.odd)} clouds)" * (len(report.odd) > 1)
+        outside = f"{sum(report.odd.values())} confidences are outside [0, 1]{clouds}"
+        print(f"{file}: {outside}; they are ranked as they are", file=sys.stderr)
     print(report.as_json() if options.json else report.as_table())
 
 
 @dataclass(frozen=True)
 class Report:
-    """Scores of C clouds, the clouds (C,) bool of each group, and the IDs without result and without truth."""
+    """Scores of C clouds, the clouds (C,) bool of each group, and the IDs without result and without truth.
+
+    odd: how many of a cloud's confidences are outside [0, 1], by the IDs of clouds that have such.
+    """
 
     scores: Scores
     groups: dict[str, np.ndarray]
     missing: list[int]
     unknown: list[int]
+    odd: dict[int, int]
 
     def as_table(self) -> str:
         """One line a group, columns aligned."""
@@ -128,10 +142,14 @@ def score(
         values[..., missing] = 0  # an empty answer could be right where there is no plane; no answer is not
     labels = [truth.clouds.labels(position) for position in truth.positions.tolist()]
     unknown = np.setdiff1d(np.array(results.ids, dtype=np.int64), truth.known)
-    return Report(scores, group_masks(labels), truth.ids[missing].tolist(), unknown.tolist())
+    outside = [0 if each is None else confidences_outside(each.confidences) for each in predicted]
+    odd = {cloud: count for cloud, count in zip(truth.ids.tolist(), outside, strict=True) if count}
+    return Report(scores, group_masks(labels), truth.ids[missing].tolist(), unknown.tolist(), odd)
 
 
 def _case(results: Results, truth: Truth, place: int) -> tuple[float, Planes, Planes | None]:
     """Diagonal, true planes and predicted planes of one cloud; None for a missing result."""
     cloud = truth.clouds[int(truth.positions[place])]
-    return cloud.diagonal, cloud.planes, results.get(cloud.id)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConfidenceWarning)  # counted by `score`
+        return cloud.diagonal, cloud.planes, results.get(cloud.id)

@@ -1,6 +1,10 @@
 """What a command is pointed at: clouds with their truth, and results, from whatever kind of file they are in."""
 
-from collections.abc import Sequence
+import math
+import sys
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -9,9 +13,15 @@ import numpy as np
 
 from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.manifest import MANIFEST, REQUEST
-from symshrec.benchmark.official import OfficialFolder, ResultsFolder, chosen_ids
+from symshrec.benchmark.official import (
+    ConfidenceWarning,
+    OfficialFolder,
+    ResultsFolder,
+    chosen_ids,
+    warn_of_confidences,
+)
 from symshrec.benchmark.shards import ShardedSplit
-from symshrec.files.predictions import load_metadata, load_predictions
+from symshrec.files.predictions import PredictionFileError, load_metadata, load_predictions
 from symshrec.planes import Planes
 
 
@@ -50,6 +60,9 @@ class PredictedResults:
 
     count_threshold: the confidence from which the method meant its planes to count, None where the file does not say.
 
+    Warns:
+        ConfidenceWarning: where confidences are outside [0, 1].
+
     Raises:
         PredictionFileError: for a file that is missing, damaged or in another format.
         ValueError: where two clouds in it have one ID.
@@ -63,12 +76,29 @@ class PredictedResults:
             ids, counts = np.unique(predictions.ids, return_counts=True)
             raise ValueError(f"{path}: ID {ids[counts.argmax()]} is of several clouds; predict one split at a time")
         self.ids = sorted(self._places)
-        threshold = load_metadata(path).get("count_threshold")
-        self.count_threshold = None if threshold is None else float(threshold)
+        warn_of_confidences(self.planes.confidences, path)
+        self.count_threshold = _threshold(load_metadata(path).get("count_threshold"), path)
 
     def get(self, cloud: int) -> Planes | None:
         """The planes of a cloud, by its ID; None where it is not in the file."""
         return self.planes[self._places[cloud]] if cloud in self._places else None
+
+
+def _threshold(text: str | None, path: Path) -> float | None:
+    with suppress(ValueError):
+        if text is None or not math.isnan(float(text)):
+            return None if text is None else float(text)
+    raise PredictionFileError(f"{path}: its count_threshold is {text[:40]!r}, which is no number; predict again")
+
+
+@contextmanager
+def warnings_as_lines(command: str) -> Iterator[None]:
+    """What is warned of within goes to stderr as the command's own lines, each once."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("once", ConfidenceWarning)
+        yield
+    for text in dict.fromkeys(str(each.message) for each in caught):
+        print(f"symshrec {command}: {text}", file=sys.stderr)
 
 
 def holds_shards(root: Path) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from symshrec.benchmark.official import OfficialFolder, read_planes, read_results
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli.arguments import whole
-from symshrec.cli.sources import holds_shards, open_results
+from symshrec.cli.sources import holds_shards, open_results, warnings_as_lines
 from symshrec.planes import Planes
 from symshrec.scans import read_cloud
 
@@ -40,7 +40,8 @@ def run(options: argparse.Namespace) -> None:
     from symshrec.reporting.figures.viewer import require_window, show
 
     require_window()
-    scene = open_scene(options.source, options.id, options.split, options.predictions)
+    with warnings_as_lines("view"):
+        scene = open_scene(options.source, options.id, options.split, options.predictions)
     parts = [f"{len(scene.points):,} points"]
     for planes, what in ((scene.planes, "true"), (scene.predicted, "predicted")):
         parts.append(f"{what} planes unknown" if planes is None else f"{len(planes)} {what} planes")

@@ -22,6 +22,7 @@ from symshrec.planes import PackedPlanes, Planes
 FORMAT = "symshrec predictions 1"
 WHOLE = "predictions.safetensors"
 PART = "part-*.safetensors"
+UNIT_ROUNDING = 1e-6  # that a normal's length may be off one
 COLUMNS = {  # name: (dtype, columns; none for a vector)
     "positions": (np.int64, ()),
     "ids": (np.int64, ()),
@@ -232,6 +233,10 @@ def _check(path: Path, tensors: Mapping[str, np.ndarray]) -> None:
         or (np.diff(tensors["positions"]) <= 0).any()
     ):
         raise PredictionFileError(f"{path}: starts or positions are out of order; predict again")
+    if min(tensors["positions"].min(initial=0), tensors["ids"].min(initial=0)) < 0:
+        raise PredictionFileError(f"{path}: positions or ids are negative; predict again")
+    if (np.abs(np.linalg.norm(tensors["normals"], axis=1) - 1) > UNIT_ROUNDING).any():
+        raise PredictionFileError(f"{path}: normals are not of length one; predict again")
 
 
 def _digest(tensors: Mapping[str, np.ndarray]) -> str:

@@ -12,7 +12,7 @@ from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.optimiser import OptimiserSettings
 from symshrec.methods.settings import LearnedSettings, plain_settings, restored_settings
-from symshrec.methods.weights import Weights, WeightsError, load_into, read_weights
+from symshrec.methods.weights import Weights, WeightsError, check_fit, load_into, read_weights
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -100,7 +100,7 @@ class LearnedMethod(SymmetryMethod):
         if len(kinds) > 1:
             raise WeightsError(f"weights of different networks cannot answer together: {'; '.join(kinds)}")
         for weights in kinds.values():
-            settings = replace(settings, network=weights.restored(type(settings.network)))
+            settings = replace(settings, network=self._settings_of(weights, type(settings.network)))
         given, default = plain_settings(settings), plain_settings(type(settings)())
         stored = [each.detection for each in self.weights]
         if any(each != stored[0] for each in stored):
@@ -108,6 +108,17 @@ class LearnedMethod(SymmetryMethod):
         for name, value in (stored[0] if stored else {}).items():
             if name in self.DETECTION and given[name] == default[name]:
                 settings = replace(settings, **{name: _like(getattr(settings, name), value)})
+        return settings
+
+    def _settings_of(self, weights: Weights, kind: type):
+        """The settings that weights bring with them, once a network by them, of no size in memory, fits the weights."""
+        try:
+            settings = restored_settings(kind, weights.network, len(weights.tensors))
+            with torch.device("meta"):
+                network = self.network_of(settings)
+        except (ValueError, RuntimeError) as error:
+            raise WeightsError(f"weights {weights.name!r}: no network is like theirs: {error}") from error
+        check_fit(network, weights)
         return settings
 
     def start_from(self, name: str) -> Weights:

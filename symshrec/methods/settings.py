@@ -5,7 +5,11 @@ from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
 from typing import Any, TypeVar
 
+from symshrec.files.foreign import is_whole
+
 Kind = TypeVar("Kind")
+LARGEST = 65_536  # of a network that weights may bring: far above any that a machine could use
+DEEP = ("depth", "layers")  # settings that say how many layers there are
 HARMLESS = {"harmless": True}  # metadata of a field that decides nothing of the planes
 
 
@@ -64,22 +68,55 @@ def decisive_settings(settings) -> dict[str, Any]:
     return {each.name: _plain(getattr(settings, each.name)) for each in decisive}
 
 
-def restored_settings(kind: type[Kind], plain: Mapping[str, Any]) -> Kind:
-    """Settings of a kind, made of scalars, Enums and tuples, from what `plain_settings` gave.
+def restored_settings(
+    kind: type[Kind], plain: Mapping[str, Any], layers: int = LARGEST, prefix: str = "network."
+) -> Kind:
+    """Settings of a kind from what `plain_settings` gave, read from a file that anyone may have written.
+
+    Args:
+        layers: more than so many a network cannot have; its weights' tensors.
+        prefix: of the settings' names in errors.
 
     Raises:
-        ValueError: naming a field that the kind does not have, or a value out of its range.
+        ValueError: naming the setting that the kind does not have, or whose value is of another type or beyond all
+            sense.
     """
-    known = {each.name: each.type for each in fields(kind)}
-    if unknown := sorted(set(plain) - set(known)):
-        raise ValueError(f"{kind.__name__} has no field {unknown[0]!r}; it has {', '.join(known)}")
-    values = {}
+    defaults, values = kind(), {}
+    known = {each.name for each in fields(kind)}
     for name, value in plain.items():
-        is_enum = isinstance(known[name], type) and issubclass(known[name], Enum)
-        if is_enum and value not in known[name].__members__:
-            raise ValueError(f"{name} is {value!r}; choose from {', '.join(known[name].__members__)}")
-        values[name] = known[name][value] if is_enum else value
+        if not isinstance(name, str) or name not in known:
+            raise ValueError(f"{prefix}{str(name)[:40]} is no setting of this method")
+        most = layers if name in DEEP else LARGEST
+        values[name] = _restored(f"{prefix}{name}", value, getattr(defaults, name), most)
     return kind(**values)
+
+
+def _restored(name: str, value, default, most: float):
+    """A plain value as one of its default's type."""
+    wrong = ValueError(f"{name} is {str(value)[:40]!r}; it must be like {default} and a number at most {most}")
+    if is_dataclass(default):
+        if not isinstance(value, Mapping):
+            raise wrong
+        return restored_settings(type(default), value, prefix=f"{name}.")
+    match default:
+        case Enum():
+            if not isinstance(value, str) or value not in type(default).__members__:
+                raise ValueError(f"{name} is {str(value)[:40]!r}; it must be {' or '.join(type(default).__members__)}")
+            return type(default)[value]
+        case bool() | None:
+            if not isinstance(value, bool | None):
+                raise wrong
+        case int():
+            if not is_whole(value, 0, most):
+                raise wrong
+        case float():
+            if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= most:
+                raise wrong
+        case tuple():
+            if not isinstance(value, list | tuple) or not all(is_whole(each, 0, most) for each in value):
+                raise wrong
+            return tuple(value)
+    return value
 
 
 def check_ranges(settings, ranges: Mapping[str, tuple[float, float]], prefix: str = "") -> None:

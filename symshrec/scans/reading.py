@@ -2,15 +2,15 @@
 
 from pathlib import Path
 
-import numpy as np
-
-from symshrec.scans.cloud import CloudFileError, FileCloud, three_columns
+from symshrec.scans.arrays import read_array
+from symshrec.scans.cloud import CloudFileError, FileCloud
 from symshrec.scans.meshes import read_mesh
 from symshrec.scans.text import read_text
 
 TEXT, ARRAY, MESH = (".txt", ".xyz", ".csv"), (".npy",), (".ply", ".obj", ".off", ".stl")
 EXTENSIONS = (*TEXT, *ARRAY, *MESH)
-SAMPLES = 20_000  # points on a mesh, unless told
+SAMPLES = 20_000  # points on a mesh, unless another number is asked for
+MOST_SAMPLES = 10_000_000  # of which memory holds about a gigabyte
 
 
 def read_cloud(path: str | Path, samples: int = SAMPLES, seed: int = 0) -> FileCloud:
@@ -20,12 +20,17 @@ def read_cloud(path: str | Path, samples: int = SAMPLES, seed: int = 0) -> FileC
     file with faces gives points on its surface, one without its vertices.
 
     Args:
-        samples: points to draw on a mesh. seed: of those points.
+        samples: points to draw on a mesh, 1 to MOST_SAMPLES. seed: of those points, from 0 on.
 
     Raises:
+        ValueError: for `samples` or `seed` out of range.
         CloudFileError: naming the file, the line in text, what is wrong and what to do.
         OSError: where the file is not there or cannot be opened.
     """
+    if not 1 <= samples <= MOST_SAMPLES:
+        raise ValueError(f"samples is {samples}; it must be from 1 to {MOST_SAMPLES:,}")
+    if seed < 0:
+        raise ValueError(f"seed is {seed}; it must be 0 or more")
     path = Path(path)
     kind = path.suffix.lower()
     if path.is_dir():
@@ -34,15 +39,4 @@ def read_cloud(path: str | Path, samples: int = SAMPLES, seed: int = 0) -> FileC
         raise CloudFileError(f"{path}: unknown extension {kind!r}; what can be read: {', '.join(EXTENSIONS)}")
     if kind in TEXT:
         return read_text(path)
-    return _read_array(path) if kind in ARRAY else read_mesh(path, samples, seed)
-
-
-def _read_array(path: Path) -> FileCloud:
-    try:
-        with open(path, "rb") as file:
-            rows = np.lib.format.read_array(file, allow_pickle=False)
-    except ValueError as error:
-        raise CloudFileError(f"{path}: no array of numbers ({error}); write it with numpy.save") from error
-    if rows.dtype.kind not in "fiu":
-        raise CloudFileError(f"{path}: the array holds {rows.dtype}; points are real numbers: save them as float64")
-    return three_columns(rows, path)
+    return read_array(path) if kind in ARRAY else read_mesh(path, samples, seed)

@@ -50,9 +50,10 @@ def as_json(
     method: str,
     arguments: dict,
     min_confidence: float,
-    failures: dict[str, str],
+    failures: list[tuple[str, str]],
+    remaining: list[str],
 ) -> str:
-    """All that was found, and of each file that failed its error."""
+    """All that was found, of each file that failed its error, and the files that were not come to."""
     clouds = [
         {
             "file": str(each.path),
@@ -65,8 +66,8 @@ def as_json(
         for each in detections
     ]
     about = {"format": FORMAT, "version": __version__, "method": method, "arguments": arguments}
-    failed = [{"file": path, "error": error} for path, error in failures.items()]
-    found = {"min_confidence": min_confidence, "clouds": clouds, "failures": failed}
+    failed = [{"file": path, "error": error} for path, error in failures]
+    found = {"min_confidence": min_confidence, "clouds": clouds, "failures": failed, "remaining": remaining}
     return json.dumps({**about, **found}, indent=1) + "\n"
 
 
@@ -75,7 +76,7 @@ def as_table(detection: Detection, min_confidence: float) -> str:
     rows, diagonal = detection.rows(), detection.diagonal
     points = f"{len(detection.cloud.points):,} points, diagonal {diagonal:.{FIGURES}g}"
     if not rows:
-        return f"{detection.path}: no mirror plane of confidence {min_confidence:g} or more ({points})"
+        return f"{printable(detection.path)}: no mirror plane of confidence {min_confidence:g} or more ({points})"
     plural = "s" * (len(rows) > 1)
     decimals = max(0, FIGURES - 1 - int(np.floor(np.log10(diagonal))))
     header = ["", "normal", "offset", "point", "confidence", "mean residual", "% of diagonal"]
@@ -93,7 +94,12 @@ def as_table(detection: Detection, min_confidence: float) -> str:
     ]
     widths = [max(map(len, column)) for column in zip(header, *cells, strict=True)]
     lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in [header, *cells]]
-    return "\n".join([f"{detection.path}: {len(rows)} mirror plane{plural} ({points})", *lines])
+    return "\n".join([f"{printable(detection.path)}: {len(rows)} mirror plane{plural} ({points})", *lines])
+
+
+def printable(text: str | Path) -> str:
+    """Text with escapes for line ends, control characters and bytes of a file's name that are no characters."""
+    return "".join(each if each.isprintable() else each.encode("unicode_escape").decode() for each in str(text))
 
 
 def _vector(values: list[float], decimals: int) -> str:

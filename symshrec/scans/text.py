@@ -16,7 +16,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class TextLayout:
-    """How a text is laid out, told by its first lines.
+    """How a text is laid out, by its first lines.
 
     delimiter: None for spaces and tabs. columns: places of x, y and z. skipped: lines above the first point.
     width: columns of the first point. header: the line that names the columns or counts the points, "" without one.
@@ -53,7 +53,7 @@ def read_text(path: Path) -> FileCloud:
     except ValueError as error:
         raise _complaint(path, layout) or CloudFileError(f"{path}: not a table of numbers ({error})") from error
     if not np.isfinite(points).all():
-        raise _complaint(path, layout)
+        raise _complaint(path, layout) or CloudFileError(f"{path}: it holds coordinates that are not finite")
     return FileCloud(points, tuple(_notes(layout)))
 
 
@@ -127,7 +127,7 @@ def _problem(fields: list[str], layout: TextLayout) -> str | None:
     for axis, column in zip(AXES, layout.columns, strict=True):
         field = fields[column]
         if not _is_number(field) or not np.isfinite(float(field)):
-            return f"{axis} is {field!r}; it should be a finite number: mend or remove the line"
+            return f"{axis} is {field[:40]!r}; it should be a finite number: mend or remove the line"
     return None
 
 

@@ -1,6 +1,9 @@
 """`symshrec detect`: what it prints and writes, for one file and for many, and what it says of bad ones."""
 
+import io
 import json
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -100,7 +103,7 @@ def test_several_files_and_the_bad_ones_among_them(box, capsys):
     assert "symshrec detect: bad.txt:2: z is 'nan'" in told.err
     assert "symshrec detect: line.xyz: all points (3) are on a straight line" in told.err
     assert "gone.npy" in told.err
-    assert told.err.endswith("symshrec detect: 3 of 5 files failed, as told above\n")
+    assert told.err.endswith("symshrec detect: 3 of 5 files failed, as named above\n")
     report = json.loads(Path("all.json").read_text())
     assert [each["file"] for each in report["clouds"]] == ["box.ply", "b.npy"]
     assert [each["file"] for each in report["failures"]] == ["bad.txt", "gone.npy", "line.xyz"]
@@ -165,3 +168,74 @@ def test_the_page_says_what_it_needs(box, monkeypatch, capsys):
     monkeypatch.setattr(detect, "find_spec", lambda name: None)
     assert run(box, "--plot", "box.html") == 2
     assert "pip install 'symshrec[plot]'" in capsys.readouterr().err
+
+
+HEADERS = ["(1000000000000, 3)", "(1" + "0" * 30 + ", 3)", "(3, 3", "(True, 3)"]  # MemoryError, OverflowError, ...
+
+
+def test_no_file_ends_a_batch(box, capsys):
+    for place, shape in enumerate(HEADERS):
+        header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}".encode()
+        Path(f"{place}.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header + bytes(72))
+    assert run(*(f"{place}.npy" for place in range(4)), box, "--json", "all.json") == 2
+    told = capsys.readouterr()
+    assert told.out.count("2 mirror planes") == 1
+    lines = [line for line in told.err.splitlines() if line.startswith("symshrec detect: ")]
+    assert [line.split(": ")[1] for line in lines[:4]] == [f"{place}.npy" for place in range(4)]
+    assert lines[4:] == ["symshrec detect: 4 of 5 files failed, as named above"]
+    assert len(json.loads(Path("all.json").read_text())["failures"]) == 4
+
+
+@pytest.mark.parametrize(
+    "error", [MemoryError(), RecursionError("deep"), TypeError("an\nodd one"), ZeroDivisionError()]
+)
+def test_whatever_a_method_raises_the_other_files_are_done(error, box, monkeypatch, capsys):
+    calls = []
+
+    def read(path, samples, seed):
+        calls.append(path)
+        if len(calls) == 1:
+            raise error
+        return read_cloud(path, samples, seed)
+
+    monkeypatch.setattr(detect, "read_cloud", read)
+    assert run(box, box, "--json", "all.json") == 2
+    told = capsys.readouterr()
+    assert told.out.count("2 mirror planes") == 1
+    assert told.err.count("symshrec detect: box.ply: ") == 1
+    report = json.loads(Path("all.json").read_text())
+    assert (len(report["clouds"]), len(report["failures"]), report["remaining"]) == (1, 1, [])
+
+
+def test_what_was_found_is_written_when_a_batch_is_interrupted(box, monkeypatch, capsys):
+    calls = []
+
+    def read(path, samples, seed):
+        calls.append(path)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return read_cloud(path, samples, seed)
+
+    monkeypatch.setattr(detect, "read_cloud", read)
+    assert run(box, box, box, "--json", "all.json") == 130
+    report = json.loads(Path("all.json").read_text())
+    assert (len(report["clouds"]), report["failures"], report["remaining"]) == (1, [], ["box.ply", "box.ply"])
+
+
+def test_a_name_that_the_terminal_cannot_show(box, monkeypatch):
+    names = [os.fsdecode(b"b\xffx.ply"), "b\u00e9.ply", "two\nlines.ply"]
+    for name in names:
+        Path(name).write_bytes(Path(box).read_bytes())
+    out = io.TextIOWrapper(io.BytesIO(), "ascii")
+    monkeypatch.setattr(sys, "stdout", out)
+    assert run(*names, box, "--json", "all.json", "--samples", 300) == 0
+    out.flush()
+    told = out.buffer.getvalue().decode()
+    for shown in (r"b\udcffx.ply: 2 mirror", r"b\xe9.ply: 2 mirror", r"two\nlines.ply: 2 mirror", "box.ply: 2 mirror"):
+        assert f"\n{shown}" in f"\n{told}"
+    assert [each["file"] for each in json.loads(Path("all.json").read_text())["clouds"]] == [*names, box]
+
+
+def test_samples_are_bounded(box, capsys):
+    assert run(box, "--samples", 10**11) == 2
+    assert "--samples 100000000000: at most 10,000,000 points" in capsys.readouterr().err

@@ -1,5 +1,8 @@
 """`symshrec export`: shards and predictions as text files, refused, taken up again and overwritten."""
 
+import json
+import shutil
+
 import numpy as np
 import pytest
 
@@ -111,3 +114,33 @@ def test_a_user_error_is_one_line(shards, tmp_path, capsys):
         assert problem in told
         assert told.count("\n") == 1
         assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["../outside", "/outside", "a/b", "..", "out side", "{0}"])
+def test_no_split_in_a_manifest_leaves_the_folder(name, shards, tmp_path, capsys):
+    name = f"{tmp_path}{name}" if name.startswith("/") else name
+    outside = tmp_path / "benchmark-outside"
+    outside.mkdir()
+    (outside / "points0.txt").write_text("mine")
+    refused = exported(_forged(shards, tmp_path, '"train"', json.dumps(name)), tmp_path / "out", "--overwrite")
+    told = capsys.readouterr().err
+    assert (refused, told.count("\n")) == (2, 1)
+    assert "a split's name consists of" in told
+    assert sorted(each.name for each in tmp_path.iterdir()) == ["benchmark-outside", "forged"]
+    assert (outside / "points0.txt").read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["../x.safetensors", "/x.safetensors", "a\\b.safetensors", "x.txt", "a\0.safetensors"])
+def test_no_shard_in_a_manifest_is_outside_its_folder(name, shards, tmp_path, capsys):
+    forged = _forged(shards, tmp_path, '"train-00000.safetensors"', json.dumps(name))
+    (forged / "train-00000.safetensors").rename(tmp_path / "x.safetensors")
+    assert exported(forged, tmp_path / "out") == 2
+    assert "without a folder" in capsys.readouterr().err
+
+
+def _forged(shards, tmp_path, old, new):
+    forged = tmp_path / "forged"
+    shutil.copytree(shards, forged)
+    text = (forged / "manifest.json").read_text()
+    (forged / "manifest.json").write_text(text.replace(old, new))
+    return forged

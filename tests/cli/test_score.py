@@ -1,6 +1,7 @@
 """`symshrec score`: the table and JSON of anyone's results, and what is missing from them."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -163,3 +164,33 @@ def test_a_user_error_is_one_line(shards, results, tmp_path, capsys):
         assert told.startswith("symshrec score: ")
         assert problem in told
         assert told.count("\n") == 1
+
+
+def test_confidences_outside_their_range_are_warned_of_once_and_scored_as_ever(
+    shards, results, predicted, tmp_path, capsys
+):
+    before = report(capsys, results, shards)
+    assert "outside [0, 1]" not in capsys.readouterr().err
+    for cloud, planes in enumerate(predicted):
+        if (results / f"points{cloud}_res.txt").exists() and len(planes):
+            shifted = Planes(planes.normals, planes.points, planes.confidences + 1.5)
+            write_results(results / f"points{cloud}_res.txt", shifted)
+    assert main(["score", str(results), str(shards), "--json"]) == 0
+    told = capsys.readouterr()
+    assert json.loads(told.out) == before
+    (line,) = [line for line in told.err.splitlines() if "outside" in line]
+    assert re.fullmatch(r".*points\d+_res\.txt: \d+ confidences are outside \[0, 1\] \(in \d+ clouds\); .*", line)
+    path = tmp_path / "predictions.safetensors"
+    odd = [Planes(each.normals, each.points, -each.confidences) for each in predicted]
+    save_predictions(path, range(len(odd)), range(len(odd)), PackedPlanes.pack(odd), {})
+    assert main(["score", str(path), str(shards)]) == 0
+    assert capsys.readouterr().err.count("confidences are outside [0, 1]") == 1
+
+
+@pytest.mark.parametrize("threshold", ["high", "nan"])
+def test_a_predictions_file_with_a_threshold_that_is_none_is_refused(threshold, shards, predicted, tmp_path, capsys):
+    path = tmp_path / "predictions.safetensors"
+    ids = range(len(predicted))
+    save_predictions(path, ids, ids, PackedPlanes.pack(predicted), {"count_threshold": threshold})
+    assert main(["score", str(path), str(shards)]) == 2
+    assert f"its count_threshold is {threshold!r}" in capsys.readouterr().err

@@ -3,9 +3,11 @@ import pytest
 from safetensors.numpy import load_file, save_file
 
 from symshrec.files.predictions import (
+    FORMAT,
     DamagedPredictionsError,
     PredictionFileError,
     PredictionStore,
+    _digest,
     load_metadata,
     load_predictions,
     save_predictions,
@@ -171,3 +173,26 @@ def test_the_format_is_plain_safetensors_at_56_bytes_a_plane(tmp_path):
     save_predictions(tmp_path / "p", [0], [0], PackedPlanes.pack(some_planes(counts=[1000])), {})
     assert set(load_file(tmp_path / "p")) == {"positions", "ids", "starts", "normals", "points", "confidences"}
     assert (tmp_path / "p").stat().st_size < 56_000 + 2_000
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "problem"),
+    [
+        ("normals", lambda array: array * 0, "not of length one"),
+        ("normals", lambda array: array * 7, "not of length one"),
+        ("ids", lambda array: array - 1000, "negative"),
+        ("positions", lambda array: array - 1000, "negative"),
+        ("starts", lambda array: array[::-1], "out of order"),
+        ("starts", lambda array: array + 99 * (array == array[-1]), "out of order"),
+        ("points", lambda array: array * np.nan, "not finite"),
+    ],
+)
+def test_a_forged_file_with_a_right_checksum_is_refused(name, change, problem, tmp_path):
+    path = tmp_path / "p.safetensors"
+    save_predictions(path, range(len(COUNTS)), range(len(COUNTS)), PackedPlanes.pack(some_planes()), {})
+    arrays = load_file(path)
+    arrays[name] = np.ascontiguousarray(change(arrays[name]))
+    save_file(arrays, path, {"format": FORMAT, "sha256": _digest(arrays)})
+    with pytest.raises(PredictionFileError, match=problem) as error:
+        load_predictions(path)
+    assert str(path) in str(error.value)

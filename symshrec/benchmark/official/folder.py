@@ -10,6 +10,7 @@ from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.official.layouts import LAYOUTS, Listing
 from symshrec.benchmark.official.numbers import OfficialFileError
 from symshrec.benchmark.official.text import read_subset
+from symshrec.files.foreign import is_plain_name
 
 SPLITS = ("train", "valid", "test")
 
@@ -91,8 +92,11 @@ def split_folder(root: Path, split: str | None) -> Path:
     """The folder of a split: below `root`, or `root` itself.
 
     Raises:
-        OfficialFileError: where `root` is another split's folder, or where it has several splits and none is named.
+        OfficialFileError: for a split that is no single name, where `root` is another split's folder, or where it has
+            several splits and none is named.
     """
+    if split is not None and not is_plain_name(split):
+        raise OfficialFileError(f"{root}: split {split!r} is no name of a folder in it")
     folders = {
         name: root / layout.split_folder.format(split=name)
         for layout in LAYOUTS.values()

@@ -9,7 +9,7 @@ import numpy as np
 
 from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.benchmark.official import symmetria, text
-from symshrec.benchmark.official.numbers import OfficialFileError
+from symshrec.benchmark.official.numbers import OfficialFileError, cloud_id
 from symshrec.planes import Planes
 
 
@@ -48,18 +48,22 @@ class Layout:
         return Path(stem + self.points_suffix), Path(stem + self.truth_suffix)
 
     def files(self, folder: Path) -> Iterator[tuple[Path, str, int]]:
-        """Path, suffix and cloud ID of all points and truths in a split's folder, sorted by path."""
+        """Path, suffix and cloud ID of all points and truths in a split's folder, sorted by path.
+
+        Raises:
+            OfficialFileError: for an ID that is too large.
+        """
         for path in sorted(path for depth in range(self.depth + 1) for path in folder.glob("*/" * depth + "*.*")):
             for suffix in (self.truth_suffix, self.points_suffix):
                 stem = self.stem.fullmatch(path.name.removesuffix(suffix)) if path.name.endswith(suffix) else None
                 if stem:
-                    yield path, suffix, int(stem["id"])
+                    yield path, suffix, cloud_id(stem["id"], path)
                     break
 
 
 TRACK = Layout(
     name="track",
-    stem=re.compile(r"points(?P<id>\d+)"),
+    stem=re.compile(r"points(?P<id>[0-9]+)"),
     points_suffix=".txt",
     truth_suffix="_sym.txt",
     split_folder="benchmark-{split}",
@@ -73,7 +77,7 @@ TRACK = Layout(
 )
 SYMMETRIA = Layout(
     name="symmetria",
-    stem=re.compile(r"(?P<id>\d+)-(?P<family>[^-]+)-(?P<perturbation>.+)"),
+    stem=re.compile(r"(?P<id>[0-9]+)-(?P<family>[^-]+)-(?P<perturbation>.+)"),
     points_suffix=".xz",
     truth_suffix="-sym.txt",
     split_folder="{split}",

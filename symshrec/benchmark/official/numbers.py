@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 NEWLINE, BLANK, MINUS, POINT, ZERO = (ord(character) for character in "\n -.0")
-NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
+LONGEST_QUOTE = 40  # characters of a file that an error repeats
+LARGEST_ID = 2**63 - 1
 LONGEST_MANTISSA = 15  # decimal digits that a float64 carries exactly
 
 
@@ -17,6 +19,17 @@ class OfficialFileError(ValueError):
 def complaint(path: Path, line: int, problem: str) -> OfficialFileError:
     """The error for a line, counted from 1, of a file."""
     return OfficialFileError(f"{path}:{line}: {problem}")
+
+
+def cloud_id(digits: str, path: Path) -> int:
+    """A cloud's ID from the digits in a file's name.
+
+    Raises:
+        OfficialFileError: for an ID that is larger than int64 holds.
+    """
+    if (cloud := int(digits)) > LARGEST_ID:
+        raise OfficialFileError(f"{path}: the ID {digits[:LONGEST_QUOTE]} is too large; IDs are at most {LARGEST_ID}")
+    return cloud
 
 
 def parse_rows(text: bytes, columns: str, path: Path, first_line: int = 1) -> np.ndarray:
@@ -64,7 +77,7 @@ def split_count(text: bytes, path: Path) -> tuple[int, bytes]:
             path, 1, "the file is empty; its first line should be the number of planes, 0 where there is none"
         )
     if not re.fullmatch(rb"\d{1,9}", head):
-        found = head.decode("utf-8", "replace")
+        found = head[:LONGEST_QUOTE].decode("utf-8", "replace")
         raise complaint(path, 1, f"the first line is {found!r}; it should be the number of lines that follow")
     return int(head), body
 
@@ -161,6 +174,6 @@ def _parse_by_line(text: bytes, columns: str, path: Path, first_line: int) -> np
             raise complaint(path, number, f"{len(fields)} columns, expected {len(names)}: {columns}")
         for name, field in zip(names, fields, strict=True):
             if not NUMBER.fullmatch(field) or not np.isfinite(float(field)):
-                raise complaint(path, number, f"{name} is {field!r}; it should be a finite number")
+                raise complaint(path, number, f"{name} is {field[:LONGEST_QUOTE]!r}; it should be a finite number")
         rows.append([float(field) for field in fields])
     return np.array(rows, dtype=np.float64).reshape(-1, len(names))

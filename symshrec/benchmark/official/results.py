@@ -3,18 +3,19 @@
 import re
 from pathlib import Path
 
-from symshrec.benchmark.official.numbers import OfficialFileError
+from symshrec.benchmark.official.numbers import OfficialFileError, cloud_id
 from symshrec.benchmark.official.text import read_results
 from symshrec.planes import Planes
 
-RESULTS_NAME = re.compile(r"points(\d+)_res\.txt")
+RESULTS_NAME = re.compile(r"points([0-9]+)_res\.txt")
 
 
 class ResultsFolder:
     """The results in a folder by cloud ID, each read when asked for; `ids` ascend.
 
     Raises:
-        OfficialFileError: for a folder that is not there or holds no result, and for two files of one ID.
+        OfficialFileError: for a folder that is not there or holds no result, for two files of one ID, and for an
+            ID that is too large.
     """
 
     def __init__(self, root: str | Path):
@@ -24,7 +25,7 @@ class ResultsFolder:
         self._files: dict[int, Path] = {}
         for path in sorted(self.root.iterdir()):
             name = RESULTS_NAME.fullmatch(path.name)
-            other = self._files.setdefault(int(name[1]), path) if name else path
+            other = self._files.setdefault(cloud_id(name[1], path), path) if name else path
             if other != path:
                 raise OfficialFileError(f"{path}: {other.name} is of the same cloud; keep one of the two")
         if not self._files:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, UNKNOWN, Labels
-from symshrec.benchmark.official.numbers import check_count, complaint, parse_rows, split_count
+from symshrec.benchmark.official.numbers import LONGEST_QUOTE, check_count, complaint, parse_rows, split_count
 from symshrec.benchmark.official.text import (
     PLANE_COLUMNS,
     counted_text,
@@ -30,6 +30,8 @@ PERTURBATION_NAMES = dict(
         strict=True,
     )
 )
+MOST_TEXT = 100_000_000  # bytes, three million points: hundreds of times the largest cloud of the benchmark
+MOST_MEMORY = 200_000_000  # bytes that the decompressor may take; xz at its strongest takes a third
 FASTEST = 1  # of lzma's presets: a third of the default's time for files a sixth larger
 
 
@@ -70,13 +72,27 @@ def read_compressed_points(path: Path) -> np.ndarray:
     """The cloud of a `.xz` file: (N, 3) float32.
 
     Raises:
-        OfficialFileError: for a file that does not unpack, and as `text.read_points` for what is in it.
+        OfficialFileError: for a file that does not unpack or is too large when it does, and as
+            `text.read_points` for what is in it.
     """
+    return parse_points(_unpacked(Path(path)), path)
+
+
+def _unpacked(path: Path) -> bytes:
+    """The text in an xz file, MOST_TEXT at most: a forged file of a few kilobytes could fill any memory."""
+    text, packed = b"", path.read_bytes()
     try:
-        text = lzma.decompress(Path(path).read_bytes())
+        while packed.strip(b"\0") or not text:  # several streams may follow each other, with zeros between
+            stream = lzma.LZMADecompressor(memlimit=MOST_MEMORY)
+            text += stream.decompress(packed, max_length=MOST_TEXT + 1 - len(text))
+            if len(text) > MOST_TEXT:
+                raise complaint(path, 1, f"the file unpacks to more than {MOST_TEXT / 1e6:.0f} MB, which is no cloud")
+            if not stream.eof:
+                raise EOFError("it ends before its end marker")
+            packed = stream.unused_data
     except (lzma.LZMAError, EOFError) as error:
         raise complaint(path, 1, f"the file does not unpack ({error}); fetch it again") from error
-    return parse_points(text, path)
+    return text
 
 
 def write_compressed_points(path: Path, points: np.ndarray) -> None:
@@ -96,7 +112,7 @@ def read_symmetries(path: Path) -> Planes:
     for number, line in enumerate(lines, 2):
         kind, *fields = line.split() or [""]
         if kind not in ("plane", "axis"):
-            raise complaint(path, number, f"the line begins with {kind!r}; it should be plane or axis")
+            raise complaint(path, number, f"the line begins with {kind[:LONGEST_QUOTE]!r}; it should be plane or axis")
         if kind == "axis":
             _check_angle(fields.pop() if fields else "", path, number)
         if len(fields) != 6:
@@ -115,7 +131,9 @@ def _check_angle(angle: str, path: Path, line: int) -> None:
             return
     except ValueError:
         pass
-    raise complaint(path, line, f"the axis ends with {angle!r}; it should be an angle in radians, or inf")
+    raise complaint(
+        path, line, f"the axis ends with {angle[:LONGEST_QUOTE]!r}; it should be an angle in radians, or inf"
+    )
 
 
 def write_symmetries(path: Path, planes: Planes) -> None:

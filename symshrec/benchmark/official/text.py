@@ -1,11 +1,12 @@
 """§2.2–2.3 The track's text files: points, true planes, and a method's planes."""
 
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
 
-from symshrec.benchmark.official.numbers import complaint, parse_counted_rows, parse_rows
+from symshrec.benchmark.official.numbers import LONGEST_QUOTE, complaint, parse_counted_rows, parse_rows
 from symshrec.files.atomic import write_atomically
 from symshrec.planes import MIN_NORMAL_LENGTH, Planes
 
@@ -16,6 +17,10 @@ PLANE_COLUMNS = "nx ny nz px py pz"
 RESULT_COLUMNS = f"{PLANE_COLUMNS} confidence"
 
 RESULTS_FILE = "points{id}_res.txt"
+
+
+class ConfidenceWarning(UserWarning):
+    """A file of results has confidences outside [0, 1]: scoring needs only their order, a threshold needs more."""
 
 
 def read_points(path: Path) -> np.ndarray:
@@ -53,11 +58,28 @@ def read_planes(path: Path) -> Planes:
 def read_results(path: Path) -> Planes:
     """A method's planes with their confidences from a `points<ID>_res.txt`, in its order.
 
+    Warns:
+        ConfidenceWarning: naming the file and how many, where confidences are outside [0, 1].
+
     Raises:
         OfficialFileError: as `read_planes`; also for a confidence that is not finite: it would have no rank.
     """
     rows = parse_counted_rows(Path(path).read_bytes(), RESULT_COLUMNS, path)
-    return planes_of(rows, path, np.arange(len(rows)) + 2)
+    planes = planes_of(rows, path, np.arange(len(rows)) + 2)
+    warn_of_confidences(planes.confidences, path)
+    return planes
+
+
+def warn_of_confidences(confidences: np.ndarray, path: Path) -> None:
+    """Warn, once for a file, of confidences (K,) that are outside [0, 1]; they rank as all others do."""
+    if count := confidences_outside(confidences):
+        text = f"{path}: {count} of {len(confidences)} confidences are outside [0, 1]; they are ranked as they are"
+        warnings.warn(text, ConfidenceWarning, stacklevel=3)
+
+
+def confidences_outside(confidences: np.ndarray) -> int:
+    """How many confidences are outside [0, 1], where the track has them."""
+    return int(((confidences < 0) | (confidences > 1)).sum())
 
 
 def planes_of(rows: np.ndarray, path: Path, lines: np.ndarray) -> Planes:
@@ -119,11 +141,13 @@ def read_subset(path: Path) -> list[int]:
     Raises:
         OfficialFileError: naming file and line, for anything but a whole number and for an ID that is listed twice.
     """
-    lines = Path(path).read_text(encoding="utf-8", errors="replace").rstrip().split("\n")
+    lines = Path(path).read_text(encoding="utf-8-sig", errors="replace").rstrip().split("\n")
     first_seen: dict[int, int] = {}
     for number, line in enumerate(lines, 1):
-        if not re.fullmatch(r"\d{1,18}", line.strip()):
-            raise complaint(path, number, f"{line.strip()!r} is not a cloud's ID; write one whole number a line")
+        if not re.fullmatch(r"[0-9]{1,18}", line.strip()):
+            raise complaint(
+                path, number, f"{line.strip()[:LONGEST_QUOTE]!r} is not a cloud's ID; write one whole number a line"
+            )
         cloud = int(line)
         if cloud in first_seen:
             raise complaint(path, number, f"ID {cloud} is already on line {first_seen[cloud]}; list it once")

@@ -17,7 +17,7 @@ class Transformer(nn.Module):
 
     def __init__(self, width: int, depth: int, heads: int, drop_path: float):
         super().__init__()
-        rates = torch.linspace(0, drop_path, depth).tolist()
+        rates = torch.linspace(0, drop_path, depth, device="cpu").tolist()
         self.blocks = nn.ModuleList(Block(width, heads, rate) for rate in rates)
         self.norm = nn.LayerNorm(width)
 

@@ -12,9 +12,11 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch import Tensor
 
-from symshrec.methods.settings import restored_settings
+from symshrec.files.foreign import is_whole, parse_json
 
 FORMAT = "symshrec weights 1"
+LONGEST_REASON = 200  # characters of another library's error
+LONGEST_TRAINING = 1e12  # seconds or epochs
 
 
 class WeightsError(ValueError):
@@ -36,17 +38,6 @@ class Weights:
     training: dict
     tensors: dict[str, Tensor]
     detection: dict
-
-    def restored(self, kind: type):
-        """The network's settings as this dataclass.
-
-        Raises:
-            WeightsError: naming the file, where the settings are not of that kind.
-        """
-        try:
-            return restored_settings(kind, self.network)
-        except (TypeError, ValueError) as error:
-            raise WeightsError(f"weights {self.name!r} describe no network of {self.method} ({error})") from error
 
     @property
     def about(self) -> str:
@@ -81,16 +72,61 @@ def read_weights(name: str, *methods: str) -> Weights:
         with safe_open(path, framework="pt") as file:
             about = file.metadata() or {}
             tensors = {key: file.get_tensor(key) for key in file.keys()}  # noqa: SIM118, a file is no dict
-    except SafetensorError as error:
-        raise WeightsError(f"{path} is not a readable safetensors file ({error})") from error
+    except (SafetensorError, UnicodeDecodeError, OSError) as error:
+        raise WeightsError(f"{path} is not a readable safetensors file ({_one_line(error)})") from error
     if about.get("format") != FORMAT:
         raise WeightsError(f"{path} was not written by experiments/train.py; its metadata lack format {FORMAT!r}")
-    if methods and about["method"] not in methods:
-        raise WeightsError(f"{path} holds weights of {about['method']}, not of {' or '.join(dict.fromkeys(methods))}")
+    method, network, training = (
+        about.get("method", ""),
+        _record(about, "network", path),
+        _record(about, "training", path),
+    )
+    if methods and method not in methods:
+        raise WeightsError(f"{path} holds weights of {method[:40]}, not of {' or '.join(dict.fromkeys(methods))}")
+    if not is_whole(network.get("points"), 1):
+        raise WeightsError(f"{path}: network.points is {str(network.get('points'))[:40]}; it must be a whole number")
+    for key, value in tensors.items():
+        if not value.isfinite().all():
+            raise WeightsError(f"{path}: {key[:80]!r} holds values that are not finite; train again or fetch it again")
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     tensors = {key: value.float() if value.is_floating_point() else value for key, value in tensors.items()}
-    network, training, detection = (json.loads(about.get(key, "{}")) for key in ("network", "training", "detection"))
-    return Weights(name, about["method"], sha256, network, training, tensors, detection)
+    detection = _record(about, "detection", path) if "detection" in about else {}
+    weights = Weights(name, method, sha256, network, training, tensors, detection)
+    _check_training(training, path)
+    return weights
+
+
+def _record(about: Mapping[str, str], field: str, path: Path) -> dict:
+    """One of the records in JSON among a file's metadata."""
+    try:
+        record = parse_json(about.get(field, ""))
+    except ValueError as error:
+        raise WeightsError(f"{path}: its {field} is no JSON ({_one_line(error)}); fetch it again") from error
+    if not isinstance(record, dict):
+        raise WeightsError(f"{path}: its {field} is {str(record)[:40]}; it must be a record of values by name")
+    return record
+
+
+def _check_training(training: dict, path: Path) -> None:
+    """Hold what is said of the training against what `Weights.about` takes from it."""
+    if training.get("seconds") == 0 or "seconds" not in training:
+        return
+    hardware, data = training.get("hardware"), training.get("data")
+    for name in ("seconds", "epochs"):
+        value = training.get(name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < LONGEST_TRAINING:
+            raise WeightsError(f"{path}: training.{name} is {str(value)[:40]}; it must be a number from 0 on")
+    if not is_whole(training.get("fold")):
+        raise WeightsError(f"{path}: training.fold is {str(training.get('fold'))[:40]}; it must be a whole number")
+    machine = isinstance(hardware, dict) and (hardware.get("gpu") or hardware.get("cpu"))
+    if not isinstance(machine, str):
+        raise WeightsError(f"{path}: training.hardware names no cpu or gpu")
+    if not isinstance(data, dict) or not isinstance(data.get("name"), str):
+        raise WeightsError(f"{path}: training.data has no name")
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:LONGEST_REASON]
 
 
 def write_weights(
@@ -129,10 +165,27 @@ def load_into(network: torch.nn.Module, weights: Weights) -> None:
     Raises:
         WeightsError: naming what is missing, left over or of another shape.
     """
-    try:
-        network.load_state_dict(weights.tensors)
-    except RuntimeError as error:
-        raise WeightsError(f"weights {weights.name!r} do not fit the network: {error}") from error
+    check_fit(network, weights)
+    network.load_state_dict(weights.tensors)
+
+
+def check_fit(network: torch.nn.Module, weights: Weights) -> None:
+    """Hold weights against a network, which may be on torch's meta device and so take no memory.
+
+    Raises:
+        WeightsError: naming what is missing, left over or of another shape or kind.
+    """
+    expected, problems = network.state_dict(), []
+    for key in (*expected, *(key for key in weights.tensors if key not in expected)):
+        ours, theirs = expected.get(key), weights.tensors.get(key)
+        if theirs is None or ours is None:
+            problems.append(f"{key[:80]} is {'missing' if theirs is None else 'left over'}")
+        elif theirs.shape != ours.shape or theirs.is_floating_point() != ours.is_floating_point():
+            found = f"{theirs.dtype} {tuple(theirs.shape)}"
+            problems.append(f"{key[:80]} is {found} instead of {ours.dtype} {tuple(ours.shape)}")
+    if problems:
+        more = f" and {len(problems) - 3} more" * (len(problems) > 3)
+        raise WeightsError(f"weights {weights.name!r} do not fit the network: {'; '.join(problems[:3])}{more}")
 
 
 def weights_folder() -> Path:

@@ -2,6 +2,7 @@
 
 import lzma
 import pickle
+import resource
 from itertools import product
 
 import numpy as np
@@ -17,6 +18,7 @@ from symshrec.benchmark.official import (
     write_symmetria,
     write_track,
 )
+from symshrec.benchmark.official.symmetria import read_compressed_points
 from symshrec.planes import Planes
 
 
@@ -138,3 +140,45 @@ def test_errors_within_compressed_points_name_the_line(tmp_path):
     (tmp_path / "1-citrus-clean.xz").write_bytes(lzma.compress(b"0 0 0\n0 0\n"))
     with pytest.raises(OfficialFileError, match=r"1-citrus-clean\.xz:2: 2 columns"):
         OfficialFolder(tmp_path)[0]
+
+
+def test_compressed_points_are_unpacked_no_further_than_a_cloud_can_be(tmp_path, monkeypatch):
+    path = tmp_path / "1-citrus-clean.xz"
+    path.write_bytes(lzma.compress(b"0.0 0.0 0.0\n", preset=1) + lzma.compress(b"1.0 0.0 0.0\n") + bytes(8))
+    assert read_compressed_points(path).tolist() == [[0, 0, 0], [1, 0, 0]]
+    compressor = lzma.LZMACompressor(preset=1)
+    million = b"0.000000 0.000000 0.000000\n" * 40_000
+    path.write_bytes(b"".join(compressor.compress(million) for _ in range(200)) + compressor.flush())
+    assert path.stat().st_size < 100_000
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(OfficialFileError, match=r"clean\.xz:1: the file unpacks to more than 100 MB"):
+        OfficialFolder(tmp_path)[0]
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 400_000  # kB
+    filters = [{"id": lzma.FILTER_LZMA2, "dict_size": 1 << 29}]
+    path.write_bytes(lzma.compress(b"0 0 0\n", filters=filters))
+    with pytest.raises(OfficialFileError, match="does not unpack"):
+        OfficialFolder(tmp_path)[0]
+
+
+@pytest.mark.parametrize("name", ["points{}.txt", "{}-citrus-clean.xz", "points{}_res.txt"])
+def test_an_id_that_no_array_holds_is_refused(name, tmp_path):
+    path = tmp_path / name.format("9" * 20)
+    path.write_bytes(b"0\n")
+    with pytest.raises(OfficialFileError, match=f"{path.name}: the ID 9+ is too large"):
+        (ResultsFolder if "_res" in name else OfficialFolder)(tmp_path)
+    path.rename(tmp_path / name.format("0" * 20 + "7"))
+    assert list((ResultsFolder if "_res" in name else OfficialFolder)(tmp_path).ids) == [7]
+
+
+def test_digits_of_other_scripts_name_no_cloud(tmp_path):
+    (tmp_path / "points\u0663_res.txt").write_text("0\n")
+    (tmp_path / "points\u0663.txt").write_text("0 0 0\n")
+    for opened in (OfficialFolder, ResultsFolder):
+        with pytest.raises(OfficialFileError, match="there is no"):
+            opened(tmp_path)
+
+
+@pytest.mark.parametrize("split", ["../elsewhere", "/tmp", "a/b", "..", ""])
+def test_a_split_is_a_name_and_no_path(split, tmp_path):
+    with pytest.raises(OfficialFileError, match="is no name of a folder"):
+        OfficialFolder(tmp_path, split=split)

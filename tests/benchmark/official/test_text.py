@@ -141,6 +141,11 @@ MALFORMED = [
     (read_subset, "1\n2\n-3\n", 3, "'-3'"),
     (read_subset, "1\n2\n1\n", 3, "already on line 1"),
     (read_subset, "", 1, "''"),
+    (read_subset, "1\n\n2\n", 2, "''"),
+    (read_subset, "1\n+2\n", 2, "'+2'"),
+    (read_subset, "1\n\u0662\n", 2, "'\u0662' is not a cloud's ID"),
+    (read_subset, "1\n" + "9" * 30 + "\n", 2, "is not a cloud's ID"),
+    (read_points, "0 0 0\n0 0 \u0663\n", 2, "z is '\u0663'"),
     (read_compressed_points, "not compressed", 1, "unpack"),
 ]
 
@@ -172,3 +177,8 @@ def test_a_full_disk_names_the_file_and_leaves_nothing(tmp_path, monkeypatch):
     with pytest.raises(OSError, match=r"no room for .*points0\.txt"):
         write_points(tmp_path / "points0.txt", np.zeros((1, 3)))
     assert not list(tmp_path.iterdir())
+
+
+def test_a_subset_may_begin_with_the_mark_that_windows_writes(tmp_path):
+    (tmp_path / "subset.txt").write_bytes(b"\xef\xbb\xbf7\r\n012\r\n")
+    assert read_subset(tmp_path / "subset.txt") == [7, 12]

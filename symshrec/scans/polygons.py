@@ -1,0 +1,113 @@
+"""The faces of a mesh as triangles, whatever the format they are from."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from itertools import chain
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from symshrec.scans.cloud import CloudFileError
+
+
+class Mesh(NamedTuple):
+    """vertices (V, 3) float64 and triangles (F, 3) int64, places among them; either may be empty."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+
+
+def triangulated(
+    corners: Sequence[int] | np.ndarray, lengths: Sequence[int] | np.ndarray, vertices: int, where: Callable[[int], str]
+) -> np.ndarray:
+    """Polygons as fans of triangles: (F, 3) int64.
+
+    Args:
+        corners: places among the vertices, polygon after polygon. lengths: corners of each polygon.
+        vertices: how many there are. where: the file, and line where it is known, of a polygon, for errors.
+
+    Raises:
+        CloudFileError: for a polygon of fewer than three corners, and for a corner that is not there.
+    """
+    lengths = np.asarray(lengths, dtype=np.int64)
+    if (lengths < 3).any():
+        row = int(np.argmax(lengths < 3))
+        raise CloudFileError(f"{where(row)}: a face has {lengths[row]} corners, but needs three; remove it")
+    ends = np.cumsum(lengths)
+    try:
+        corners = np.asarray(corners, dtype=np.int64)
+        outside = (corners < 0) | (corners >= vertices)
+    except OverflowError:
+        outside = np.array([not 0 <= corner < vertices for corner in corners])
+    if outside.any():
+        place = int(np.argmax(outside))
+        row = int(np.searchsorted(ends, place, side="right"))
+        raise CloudFileError(f"{where(row)}: a face has a vertex that is not there; there are {vertices}")
+    fans = lengths - 2
+    first = np.repeat(ends - lengths, fans)
+    step = np.arange(len(first)) - np.repeat(np.cumsum(fans) - fans, fans)
+    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+
+
+def of_polygons(polygons: list[list[int]], lines: list[int], vertices: int, path: Path) -> np.ndarray:
+    """As `triangulated`, for polygons that stand on the given lines of a text."""
+    corners = list(chain.from_iterable(polygons))
+    return triangulated(corners, [len(each) for each in polygons], vertices, lambda row: f"{path}:{lines[row]}")
+
+
+def whole_numbers(words: list[str], line: int, path: Path) -> list[int]:
+    """Words as whole numbers; errors as `number`."""
+    try:
+        if "_" not in "".join(words):
+            return list(map(int, words))
+    except ValueError:
+        pass
+    return [number(word, line, path, int) for word in words]
+
+
+def counted(words: list[str], line: int, path: Path) -> list[int]:
+    """The numbers after the one that counts them, of a face's line; what follows them, such as a colour, is left out.
+
+    Raises:
+        CloudFileError: naming the line, for fewer numbers than are counted or what is no whole number.
+    """
+    count = number(words[0], line, path, int)
+    if not 0 <= count < len(words):
+        raise CloudFileError(
+            f"{path}:{line}: a face of {words[0][:40]} corners has {len(words) - 1} numbers; it may be cut short"
+        )
+    return whole_numbers(words[1 : count + 1], line, path)
+
+
+def coordinates(rows: list[list[str]], lines: list[int], path: Path) -> np.ndarray:
+    """(V, 3) float64 from three words of every vertex's line.
+
+    Raises:
+        CloudFileError: naming the first line with fewer words or one that is no number.
+    """
+    words = list(chain.from_iterable(rows))
+    with suppress(ValueError):
+        if len(words) == 3 * len(rows) and all(len(row) == 3 for row in rows) and "_" not in "".join(words):
+            return np.fromiter(map(float, words), np.float64).reshape(-1, 3)
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) < 3:
+            raise CloudFileError(f"{path}:{line}: a vertex has {len(row)} coordinates, but needs three")
+        for word in row[:3]:
+            number(word, line, path)
+    raise CloudFileError(f"{path}: its vertices are no numbers")
+
+
+def number(word: str, line: int, path: Path, kind: type = float):
+    """A word as a number of a kind.
+
+    Raises:
+        CloudFileError: naming the line where it is none.
+    """
+    try:
+        if "_" not in word:  # which Python takes in numbers, and no format does
+            return kind(word)
+    except ValueError:
+        pass
+    what = "whole number" if kind is int else "number"
+    raise CloudFileError(f"{path}:{line}: {word[:40]!r} is no {what}; mend or remove the line")
