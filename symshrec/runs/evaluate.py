@@ -3,6 +3,7 @@
 import hashlib
 import json
 import logging
+import re
 import time
 import warnings
 from pathlib import Path
@@ -133,8 +134,8 @@ class StorePredictions(Callback):
 
     def total(self) -> dict[str, int | float]:
         """Clouds detected and wall-clock seconds spent on them, a cloud twice where a kill came between."""
-        lines = self.times.read_text(encoding="ascii").splitlines() if self.times.exists() else []
-        pairs = [line.split() for line in lines if len(line.split()) == 2]
+        lines = self.times.read_text(encoding="ascii", errors="replace") if self.times.exists() else ""
+        pairs = re.findall(r"^(\d+) (\d+\.\d+)$", lines, re.ASCII | re.MULTILINE)  # a kill may have torn one
         return {
             "detected_clouds": sum(int(clouds) for clouds, _ in pairs),
             "wall": round(sum(float(seconds) for _, seconds in pairs), 3),
