@@ -41,12 +41,8 @@ def refuse_other_data(folder: Path, config: DictConfig, fingerprint: str, going_
     may go on with them (`going_on`). Folders of clouds in files are known by times of change, which tell too little
     to say that of.
     """
-    now = {"root": str(Path(config.data.root).resolve()), "fingerprint": fingerprint}
-    try:
-        there = json.loads((folder / DATA).read_text())
-        root, known = there["root"], there["fingerprint"]
-    except (OSError, ValueError, KeyError, TypeError):
-        root, known = now.values()
+    now = {"root": _root(config), "fingerprint": fingerprint}
+    root, known = _recorded(folder) or now.values()
     changes_matter = going_on and config.data.kind is DataKind.shards
     if known != fingerprint and (root != now["root"] or changes_matter):
         raise ValueError(
@@ -55,3 +51,22 @@ def refuse_other_data(folder: Path, config: DictConfig, fingerprint: str, going_
         )
     if is_first_process():
         write_atomically(folder / DATA, (json.dumps(now, indent=1) + "\n").encode())
+
+
+def is_of_this_root(folder: Path, config: DictConfig) -> bool:
+    """Whether a folder's results are for the data in `data.root`, as far as it says."""
+    recorded = _recorded(folder)
+    return recorded is None or recorded[0] == _root(config)
+
+
+def _root(config: DictConfig) -> str:
+    return str(Path(config.data.root).resolve())
+
+
+def _recorded(folder: Path) -> tuple[str, str] | None:
+    """Root and fingerprint of the data that a folder is for; None where it doesn't say, as older ones don't."""
+    try:
+        there = json.loads((folder / DATA).read_text())
+        return there["root"], there["fingerprint"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

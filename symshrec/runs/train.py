@@ -33,7 +33,7 @@ from symshrec.runs.checkpoints import (
 )
 from symshrec.runs.config import method_of
 from symshrec.runs.evaluate import datamodule_of
-from symshrec.runs.folders import claimed, is_first_process, refuse_other_data
+from symshrec.runs.folders import claimed, is_first_process, is_of_this_root, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
 from symshrec.runs.session import Progress, TimedCheckpoints, TimeIsUp
 
@@ -98,6 +98,8 @@ def _trained(config: DictConfig, folder: Path) -> dict | None:
     _refuse_others(folder, settings)
     finished = _read(folder / RECORD)
     if finished:
+        if not is_of_this_root(folder, config):
+            refuse_other_data(folder, config, datamodule_of(config).split("train").fingerprint)
         log.info("%s is trained: %s", config.title, folder / WEIGHTS)
         return finished
     seed_everything(config.seed, workers=True, verbose=False)
