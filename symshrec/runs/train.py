@@ -117,7 +117,8 @@ def _trained(config: DictConfig, folder: Path) -> dict | None:
         trainer.fit(method, datamodule=data, ckpt_path=str(last) if begun(folder) else None, weights_only=True)
     steps = rounds * config.train.steps_per_round
     if trainer.global_step < steps:
-        log.info("stopped after step %d of %d; the same command goes on", trainer.global_step, steps)
+        if trainer.is_global_zero:
+            log.info("stopped after step %d of %d; the same command goes on", trainer.global_step, steps)
         return None
     result = _record(config, method, data, trainer, progress, settings, before)
     if not trainer.is_global_zero:
