@@ -75,7 +75,8 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
 
     Raises:
         ValueError: for a config that cannot be. ShardError: where the folder holds another config's shards, naming
-        each differing value, or another process writes there. DiskFullError: where the shards do not fit.
+        each differing value. FolderInUseError: where another process writes there. DiskFullError: where the shards do
+        not fit.
     """
     check_config(config)
     for split in config.splits:

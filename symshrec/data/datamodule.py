@@ -192,10 +192,15 @@ class SymmetryDataModule(LightningDataModule):
         )
 
     def train_dataloader(self) -> DataLoader:
-        """Batches of one round; the sampler is told its number by Lightning."""
-        rank, processes = (self.trainer.global_rank, self.trainer.world_size) if self.trainer else (0, 1)
+        """Batches of one round, whose number Lightning gives to the sampler; a resumed round goes on where it was."""
+        rank, processes, first = 0, 1, 0
+        if self.trainer:
+            rank, processes = self.trainer.global_rank, self.trainer.world_size
+            first = self.trainer.fit_loop.total_batch_idx + 1
         clouds = self.datasets["train"]
-        sampler = RoundSampler(len(clouds), self.train_batch_size, self.steps_per_round, self.seed, rank, processes)
+        sampler = RoundSampler(
+            len(clouds), self.train_batch_size, self.steps_per_round, self.seed, rank, processes, first
+        )
         return DataLoader(clouds, sampler=sampler, batch_size=None, collate_fn=as_it_is)
 
     def val_dataloader(self) -> DataLoader:

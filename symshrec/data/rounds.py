@@ -11,7 +11,7 @@ class RoundSampler(Sampler[list[int]]):
 
     Every epoch is a permutation of the clouds drawn from (seed, epoch), cut into batches; what does not fill one is
     left to the next epoch's chance. Rounds are stretches of `steps` batches of that endless row, so a run that is
-    resumed at a round sees what it would have seen.
+    resumed sees what it would have seen.
 
     Args:
         clouds: in the training set.
@@ -19,18 +19,21 @@ class RoundSampler(Sampler[list[int]]):
         steps: batches of a round.
         seed: of the permutations.
         rank, processes: every process takes each `processes`-th batch, from its rank on.
+        first: batch of the endless row that this process begins with; what comes before it is left out of its round.
 
     Raises:
         ValueError: where the clouds do not fill one batch for each process.
     """
 
-    def __init__(self, clouds: int, batch_size: int, steps: int, seed: int, rank: int = 0, processes: int = 1):
+    def __init__(
+        self, clouds: int, batch_size: int, steps: int, seed: int, rank: int = 0, processes: int = 1, first: int = 0
+    ):
         if clouds < batch_size * processes:
             raise ValueError(
                 f"{clouds} training clouds do not fill {processes} batch(es) of {batch_size}; lower train.batch_size"
             )
         self.clouds, self.batch_size, self.steps, self.seed = clouds, batch_size, steps, seed
-        self.rank, self.processes, self.round = rank, processes, 0
+        self.rank, self.processes, self.first, self.round = rank, processes, first, 0
 
     @property
     def epoch_steps(self) -> int:
@@ -46,7 +49,7 @@ class RoundSampler(Sampler[list[int]]):
 
     def __iter__(self) -> Iterator[list[int]]:
         drawn, order = None, None
-        for step in range(self.round * self.steps, (self.round + 1) * self.steps):
+        for step in range(max(self.first, self.round * self.steps), (self.round + 1) * self.steps):
             epoch, place = divmod(step, self.epoch_steps)
             if epoch != drawn:
                 drawn = epoch

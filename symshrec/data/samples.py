@@ -1,16 +1,16 @@
 """Point samples of a split, drawn once and kept beside its clouds."""
 
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
+from safetensors.numpy import save
 from tqdm import tqdm
 
 from symshrec.data.settings import SamplingKind
+from symshrec.files.atomic import write_atomically
 from symshrec.geometry.sampling import farthest_point_sampling
 
 CHUNK = 256
@@ -41,9 +41,8 @@ def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Pa
         indices = _read_chunk(path, digest)
         if indices is None or len(indices) != stop - start:
             indices = _draw(clouds, range(start, stop), kind, count, seed)
-            partial = path.with_suffix(f".{os.getpid()}.partial")
-            save_file({"indices": indices}, partial, metadata={"digest": digest})
-            os.replace(partial, path)
+            checked = {"digest": digest, "sha256": hashlib.sha256(indices).hexdigest()}
+            write_atomically(path, save({"indices": indices}, checked))
         chunks.append(indices)
         bar.update(stop - start)
     bar.close()
@@ -51,13 +50,15 @@ def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Pa
 
 
 def _read_chunk(path: Path, digest: str) -> np.ndarray | None:
-    if not path.exists():
-        return None
+    """A chunk's indices; None where it is missing, another's or damaged."""
     try:
         with safe_open(path, framework="numpy") as file:
-            return file.get_tensor("indices") if file.metadata().get("digest") == digest else None
-    except SafetensorError:
+            metadata, indices = file.metadata() or {}, file.get_tensor("indices")
+    except (FileNotFoundError, SafetensorError, UnicodeDecodeError):
         return None
+    whole = hashlib.sha256(indices).hexdigest()
+    known = metadata.get("digest") == digest and metadata.get("sha256", whole) == whole  # once, it was not kept
+    return indices if known and indices.dtype == np.uint32 and indices.ndim == 2 else None
 
 
 def _draw(clouds, positions: range, kind: SamplingKind, count: int, seed: int) -> np.ndarray:

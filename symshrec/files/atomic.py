@@ -10,10 +10,15 @@ from pathlib import Path
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 TEMPORARY = ".{name}.{process}.partial"
+_HELD: set[int] = set()  # descriptors of the folders that this process holds
 
 
 class ShardError(ValueError):
     """A shard, or the folder of shards, is missing, damaged or another's; says which and how to mend it."""
+
+
+class FolderInUseError(ValueError):
+    """Another process writes in this folder; says which."""
 
 
 class DiskFullError(OSError):
@@ -70,19 +75,46 @@ def require_room(root: Path, needed: int) -> None:
 
 @contextmanager
 def sole_writer(root: Path) -> Iterator[None]:
-    """Hold `root` (created where missing) against other writers; a kill releases it.
+    """Hold `root` (created where missing) against other writers, of this process too; a kill releases it.
 
     Raises:
-        ShardError: where another process is writing there.
+        FolderInUseError: where somebody else holds it, naming the folder and, on Linux, the process.
     """
     root.mkdir(parents=True, exist_ok=True)
     folder = os.open(root, os.O_RDONLY)
+    _HELD.add(folder)
     try:
-        with suppress(OSError):
+        with suppress(OSError):  # a file system without locks
             try:
                 fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise ShardError(f"{root}: another process is generating here; wait for it or stop it") from None
+                raise FolderInUseError(
+                    f"{root}: another process is writing here{_holder(folder)}; wait for it, or give another folder"
+                ) from None
         yield
     finally:
+        _HELD.discard(folder)
         os.close(folder)
+
+
+def _holder(folder: int) -> str:
+    """The process that holds the lock of an open folder, " (pid 7)"; empty where the system doesn't say."""
+    place = os.fstat(folder)
+    name = f"{os.major(place.st_dev):02x}:{os.minor(place.st_dev):02x}:{place.st_ino}"
+    with suppress(OSError):
+        for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():
+            fields = line.split()  # 1: FLOCK ADVISORY WRITE 4711 08:01:131072 0 EOF
+            if fields[1] == "FLOCK" and fields[5] == name and int(fields[4]) > 0:
+                return f" (pid {fields[4]})"
+    return ""
+
+
+def _release_in_child() -> None:
+    """A forked worker that outlives a killed writer must not go on holding its folder."""
+    for folder in _HELD:
+        with suppress(OSError):
+            os.close(folder)
+    _HELD.clear()
+
+
+os.register_at_fork(after_in_child=_release_in_child)

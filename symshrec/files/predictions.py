@@ -76,10 +76,10 @@ def save_predictions(
         raise ValueError(f"position {positions[np.argmin(np.diff(positions))]} comes twice; give each cloud once")
     values = {"positions": positions, "ids": ids, **{name: getattr(planes, name) for name in list(COLUMNS)[2:]}}
     tensors = {name: np.ascontiguousarray(values[name], dtype=dtype) for name, (dtype, _) in COLUMNS.items()}
-    strings = {str(name): str(value) for name, value in metadata.items()}
+    strings = {**{str(name): str(value) for name, value in metadata.items()}, "format": FORMAT}
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(path, save(tensors, {**strings, "format": FORMAT, "sha256": _digest(tensors)}))
+    write_atomically(path, save(tensors, {**strings, "sha256": _digest(tensors, strings)}))
 
 
 def load_predictions(path: Path) -> Predictions:
@@ -202,10 +202,13 @@ def _read(path: Path) -> tuple[Predictions, dict[str, str]]:
         raise PredictionFileError(f"{path} does not exist; give the path of a predictions file") from error
     except (SafetensorError, UnicodeDecodeError) as error:
         raise DamagedPredictionsError(f"{path} is damaged or no predictions file ({error})") from error
+    checksum = metadata.pop("sha256", None)
+    if checksum is None and metadata.get("format") != FORMAT:
+        raise PredictionFileError(f"{path} is not in the format {FORMAT!r}; write it with save_predictions")
+    if checksum not in (_digest(tensors, metadata), _digest(tensors, {})):  # once, metadata was not in it
+        raise DamagedPredictionsError(f"{path} is damaged (its contents do not match its checksum)")
     if metadata.pop("format", None) != FORMAT:
         raise PredictionFileError(f"{path} is not in the format {FORMAT!r}; write it with save_predictions")
-    if metadata.pop("sha256", None) != _digest(tensors):
-        raise DamagedPredictionsError(f"{path} is damaged (its contents do not match its checksum)")
     _check(path, tensors)
     planes = PackedPlanes(*(tensors[name] for name in ("normals", "points", "confidences", "starts")))
     return Predictions(tensors["positions"], tensors["ids"], planes), metadata
@@ -239,13 +242,15 @@ def _check(path: Path, tensors: Mapping[str, np.ndarray]) -> None:
         raise PredictionFileError(f"{path}: normals are not of length one; predict again")
 
 
-def _digest(tensors: Mapping[str, np.ndarray]) -> str:
-    """sha256 over the names, types, shapes and bytes of all tensors."""
+def _digest(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> str:
+    """sha256 over the names, types, shapes and bytes of all tensors, and over the metadata."""
     digest = hashlib.sha256()
     for name in sorted(tensors):
         array = np.ascontiguousarray(tensors[name])
         digest.update(f"{name} {array.dtype.str} {array.shape} ".encode())
         digest.update(array.data)
+    for name in sorted(metadata):
+        digest.update(f"{name!r} {metadata[name]!r} ".encode())
     return digest.hexdigest()
 
 

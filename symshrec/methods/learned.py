@@ -198,7 +198,7 @@ class LearnedMethod(SymmetryMethod):
             terms = ", ".join(f"{name} {value.item():.4g}" for name, value in losses.items())
             raise FloatingPointError(
                 f"the loss of step {self.global_step} is not finite ({terms}); lower train.optimiser.learning_rate, or "
-                "take trainer.precision=32-true; the last checkpoint is from before this round"
+                "take trainer.precision=32-true; the last checkpoint is from before this step"
             )
         self.log_dict({f"train/{name}": value.detach() for name, value in losses.items()}, batch_size=len(batch))
         return losses["loss"]

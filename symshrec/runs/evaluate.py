@@ -3,6 +3,7 @@
 import hashlib
 import json
 import logging
+import re
 import time
 import warnings
 from pathlib import Path
@@ -21,6 +22,7 @@ from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
 from symshrec.reporting.figures.tensorboard import TensorBoardResults
 from symshrec.runs.config import method_of
+from symshrec.runs.folders import claimed, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib, source_files
 
 log = logging.getLogger(__name__)
@@ -42,10 +44,20 @@ def evaluate(config: DictConfig) -> dict:
 
     Returns:
         What metrics.json holds.
+
+    Raises:
+        FolderInUseError: where another process works in this folder. ValueError: where it holds another data's results.
     """
     folder = Path(config.folder)
+    with claimed(folder):
+        return _evaluated(config, folder)
+
+
+def _evaluated(config: DictConfig, folder: Path) -> dict:
+    """`evaluate` in a folder that no other process writes in."""
     seed_everything(config.seed, workers=True, verbose=False)
     data, method = datamodule_of(config), method_of(config)
+    refuse_other_data(folder, config, data.split(data.test_split).fingerprint)
     key = prediction_key(config, data, method)
     request = hashlib.sha256(f"{key} {config.title} {config.tolerance}".encode()).hexdigest()
     finished = _read(folder / "metrics.json")
@@ -111,8 +123,8 @@ class StorePredictions(Callback):
 
     def total(self) -> dict[str, int | float]:
         """Clouds detected and wall-clock seconds spent on them, a cloud twice where a kill came between."""
-        lines = self.times.read_text(encoding="ascii").splitlines() if self.times.exists() else []
-        pairs = [line.split() for line in lines if len(line.split()) == 2]
+        lines = self.times.read_text(encoding="ascii", errors="replace") if self.times.exists() else ""
+        pairs = re.findall(r"^(\d+) (\d+\.\d+)$", lines, re.ASCII | re.MULTILINE)  # a kill may have torn one
         return {
             "detected_clouds": sum(int(clouds) for clouds, _ in pairs),
             "wall": round(sum(float(seconds) for _, seconds in pairs), 3),

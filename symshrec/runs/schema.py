@@ -29,17 +29,19 @@ class ToleranceConfig:
 class TrainConfig:
     """How a learned method is trained (experiments/train.py).
 
-    epochs: over the training folds. batch_size: clouds a step, on each device. steps_per_round: between checkpoints;
-    a killed run loses no more. validate_every: rounds. init: weights to start from. rotate: turn every cloud anew each
+    epochs: over the training folds. batch_size: clouds a step, on each device. steps_per_round: what validation and
+    the length of a training are counted in. checkpoint_minutes: a killed run loses no more, nor more than its round.
+    validate_every: rounds. init: weights to start from. rotate: turn every cloud anew each
     time it comes, uniformly over SO(3). precision: Lightning's, or `auto`, which takes bfloat16 where the processor is
     made for it. cooldown: so many epochs branch off from the last checkpoint of a training with a constant learning
     rate and bring that to zero, in a folder of their own; the training can go on afterwards. max_minutes: stop after
-    the round in which they pass; the same command goes on.
+    the step in which they pass; the same command goes on.
     """
 
     epochs: float = 1.0
     batch_size: int = 32
     steps_per_round: int = 500
+    checkpoint_minutes: float = 10.0
     validate_every: int = 5
     optimiser: OptimiserSettings = field(default_factory=OptimiserSettings)
     precision: str = "auto"

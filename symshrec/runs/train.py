@@ -4,14 +4,14 @@ import hashlib
 import json
 import logging
 import math
-import time
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import torch
-from lightning import Callback, Trainer, seed_everything
-from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
+from lightning import Trainer, seed_everything
+from lightning.pytorch.callbacks import LearningRateMonitor, TQDMProgressBar
 from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
@@ -24,13 +24,23 @@ from symshrec.methods.registry import settings_class
 from symshrec.methods.settings import LearnedSettings, plain_settings
 from symshrec.methods.weights import write_weights
 from symshrec.reporting.figures.tensorboard import TensorBoardTraining
+from symshrec.runs.checkpoints import (
+    LAST,
+    VerifiedCheckpoints,
+    begun,
+    copy_newest,
+    forget_previous,
+    settle,
+    steps_done,
+)
 from symshrec.runs.config import method_of
 from symshrec.runs.evaluate import datamodule_of
+from symshrec.runs.folders import claimed, is_first_process, is_of_this_root, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
+from symshrec.runs.session import Progress, TimedCheckpoints, TimeIsUp
 
 log = logging.getLogger(__name__)
-WEIGHTS, CHECKPOINT, RECORD, SETTINGS = "weights.safetensors", "last.ckpt", "training.json", "settings.json"
-EVERY_ROUND = {"every_n_epochs": 1, "save_on_train_epoch_end": True}
+WEIGHTS, RECORD, SETTINGS = "weights.safetensors", "training.json", "settings.json"
 NO_INFLUENCE = (  # beginnings of keys
     "data.batch_size",
     "data.hard",
@@ -46,6 +56,7 @@ NO_INFLUENCE = (  # beginnings of keys
     "method.refine",
     "method.twice",
     "method.workers",
+    "train.checkpoint_minutes",
     "train.clouds_shown",
     "train.folder",
     "train.max_minutes",
@@ -60,14 +71,15 @@ NO_INFLUENCE = (  # beginnings of keys
 def train(config: DictConfig) -> dict | None:
     """Train, or go on, in `config.train.folder`: last.ckpt, TensorBoard, weights.safetensors and, last, training.json.
 
-    A killed run loses at most the round it was in, and ends with the weights that it would have had anyway.
+    A killed run loses at most `train.checkpoint_minutes`, and ends with the weights that it would have had anyway.
 
     Returns:
         What training.json holds; None where `train.max_minutes` ended it before the last round, and in all processes
         but the first.
 
     Raises:
-        ValueError: where the folder holds a training of other settings, or the method has nothing to train.
+        ValueError: where the folder holds a training of other settings or data, or the method has nothing to train.
+        FolderInUseError: where another process trains in this folder. CheckpointError: where no checkpoint is sound.
     """
     if not issubclass(settings_class(config.method.name), LearnedSettings):
         raise ValueError(f"method={config.method.name} has nothing to train")
@@ -78,22 +90,37 @@ def train(config: DictConfig) -> dict | None:
         config.data.sampling.kind = SamplingKind.farthest
         config.data.sampling.points = config.method.network.points
     folder = Path(config.train.folder) if config.train.cooldown is None else branch_off(config)
+    with claimed(folder):
+        return _trained(config, folder)
+
+
+def _trained(config: DictConfig, folder: Path) -> dict | None:
+    """`train` in a folder that no other process writes in."""
     settings = decisive_settings(config)
     _refuse_others(folder, settings)
     finished = _read(folder / RECORD)
     if finished:
+        if not is_of_this_root(folder, config):
+            refuse_other_data(folder, config, datamodule_of(config).split("train").fingerprint)
         log.info("%s is trained: %s", config.title, folder / WEIGHTS)
         return finished
     seed_everything(config.seed, workers=True, verbose=False)
     method, data = method_of(config), datamodule_of(config)
     rounds, before = _prepare(config, method, data, folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(folder / SETTINGS, (json.dumps(settings, indent=1) + "\n").encode())
-    progress, last = Progress(config.train.max_minutes), folder / CHECKPOINT
+    refuse_other_data(folder, config, data.split("train").fingerprint, going_on=True)
+    if is_first_process():
+        write_atomically(folder / SETTINGS, (json.dumps(settings, indent=1) + "\n").encode())
+        if config.train.cooldown is not None and not begun(folder):
+            copy_newest(Path(config.train.folder), folder)
+        settle(folder)
+    progress, last = Progress(), folder / LAST
     trainer = _trainer(config, folder, rounds, progress)
-    trainer.fit(method, datamodule=data, ckpt_path=str(last) if last.exists() else None, weights_only=True)
-    if trainer.current_epoch < rounds:
-        log.info("stopped after round %d of %d; the same command goes on", trainer.current_epoch, rounds)
+    with suppress(TimeIsUp):
+        trainer.fit(method, datamodule=data, ckpt_path=str(last) if begun(folder) else None, weights_only=True)
+    steps = rounds * config.train.steps_per_round
+    if trainer.global_step < steps:
+        if trainer.is_global_zero:
+            log.info("stopped after step %d of %d; the same command goes on", trainer.global_step, steps)
         return None
     result = _record(config, method, data, trainer, progress, settings, before)
     if not trainer.is_global_zero:
@@ -103,6 +130,7 @@ def train(config: DictConfig) -> dict | None:
     write_weights(weights, method.name, plain, result, network.state_dict(), detection=detection)
     result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
     write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
+    forget_previous(folder)
     return result
 
 
@@ -119,7 +147,7 @@ def chosen_precision(asked: str, accelerator: str) -> str:
 
 def branch_off(config: DictConfig) -> Path:
     """The folder of a cool-down from the training in `train.folder`: one begun and unfinished, or a new one that starts
-    with the training's last checkpoint.
+    with the training's last checkpoint. The rate falls from the end of that checkpoint's round on.
 
     Raises:
         ValueError: where there is no checkpoint yet, or the learning rate is not constant.
@@ -130,20 +158,11 @@ def branch_off(config: DictConfig) -> Path:
     if not config.train.cooldown > 0:
         raise ValueError(f"train.cooldown is {config.train.cooldown}; it must be a positive number of epochs")
     for branch in sorted(trunk.glob("cooldown_*")):
-        if not (branch / RECORD).exists() and (branch / CHECKPOINT).exists():
+        if not (branch / RECORD).exists() and begun(branch):
             return branch
-    if not (trunk / CHECKPOINT).exists():
-        raise ValueError(f"{trunk / CHECKPOINT} does not exist; train first, without train.cooldown")
-    branch = trunk / f"cooldown_{_steps_done(trunk) // config.train.steps_per_round:05d}"
-    branch.mkdir(exist_ok=True)
-    if not (branch / CHECKPOINT).exists():
-        write_atomically(branch / CHECKPOINT, (trunk / CHECKPOINT).read_bytes())
-    return branch
-
-
-def _steps_done(folder: Path) -> int:
-    """Steps that the checkpoint in a training's folder has behind it."""
-    return torch.load(folder / CHECKPOINT, map_location="cpu", weights_only=True)["global_step"]
+    if not begun(trunk):
+        raise ValueError(f"{trunk / LAST} does not exist; train first, without train.cooldown")
+    return trunk / f"cooldown_{math.ceil(steps_done(trunk) / config.train.steps_per_round):05d}"
 
 
 def decisive_settings(config: DictConfig) -> dict[str, object]:
@@ -203,54 +222,20 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
     return rounds, before
 
 
-class Progress(Callback):
-    """Counts clouds, seconds, and the share of them that steps waited for data, over all sessions of a training.
-
-    Args:
-        max_minutes: of this session; the round in which they pass is its last. None sets no limit.
-    """
-
-    def __init__(self, max_minutes: float | None):
-        self.clouds, self.seconds, self.waited = 0, 0.0, 0.0
-        self._mark = self._end = 0.0
-        self._stop = math.inf if max_minutes is None else time.perf_counter() + 60 * max_minutes
-
-    def state_dict(self) -> dict[str, float]:
-        return {"clouds": self.clouds, "seconds": self.seconds, "waited": self.waited}
-
-    def load_state_dict(self, state: dict[str, float]) -> None:
-        self.clouds, self.seconds, self.waited = state["clouds"], state["seconds"], state["waited"]
-
-    def on_train_epoch_start(self, trainer, method) -> None:
-        self._mark = self._end = time.perf_counter()
-
-    def on_train_batch_start(self, trainer, method, batch, batch_idx) -> None:
-        self.waited += time.perf_counter() - self._end
-
-    def on_train_batch_end(self, trainer, method, outputs, batch, batch_idx) -> None:
-        self._end = time.perf_counter()
-        self.clouds += len(batch) * trainer.world_size
-
-    def on_train_epoch_end(self, trainer, method) -> None:
-        self.seconds += self._end - self._mark
-        shares = {"clouds_per_second": self.clouds, "share_waiting_for_data": self.waited}
-        seconds = max(self.seconds, 1e-9)
-        method.log_dict({f"train/{name}": value / seconds for name, value in shares.items()}, sync_dist=True)
-        trainer.should_stop = trainer.strategy.broadcast(time.perf_counter() > self._stop)
-
-
 def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) -> Trainer:
     warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
     warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
-    warnings.filterwarnings("ignore", message="The dirpath has changed")  # a cool-down goes on in its own folder
-    warnings.filterwarnings("ignore", message="Checkpoint directory .* exists and is not empty")
+    warnings.filterwarnings(
+        "ignore", message="Be aware that when using `ckpt_path`"
+    )  # of checkpoints by Lightning's own
+    warnings.filterwarnings("ignore", message=".*your dataloader is not resumable")  # RoundSampler is, by its `first`
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     settings = config.train
     arguments = OmegaConf.to_container(config.trainer, resolve=True) | {"precision": settings.precision}
     del arguments["max_epochs"]
     callbacks = [
         progress,
-        ModelCheckpoint(folder, filename=Path(CHECKPOINT).stem, enable_version_counter=False, **EVERY_ROUND),
+        TimedCheckpoints(folder / LAST, settings.checkpoint_minutes, settings.max_minutes),
         LearningRateMonitor("step"),
         TensorBoardTraining(settings.clouds_shown),
     ]
@@ -265,6 +250,7 @@ def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) 
         use_distributed_sampler=False,
         logger=TensorBoardLogger(folder, name="", version="tensorboard", default_hp_metric=False),
         callbacks=callbacks,
+        plugins=[VerifiedCheckpoints()],
         enable_model_summary=False,
     )
 

@@ -70,11 +70,21 @@ def test_samples_are_points_of_their_cloud_and_survive_on_disk(smoke_root, kind,
             assert len(distinct) == 64
 
 
-def test_a_cut_off_sample_file_is_drawn_again(smoke_root):
+def cut(data):
+    return data[:-7]
+
+
+def flipped(data):
+    """In an index, which would be another of the cloud's points, or of no point."""
+    return data[:-100] + bytes([data[-100] ^ 1]) + data[-99:]
+
+
+@pytest.mark.parametrize("damage", [cut, flipped])
+def test_a_damaged_sample_file_is_drawn_again(smoke_root, damage):
     options = {"sampling": SamplingSettings(SamplingKind.random, 16), "batch_size": 42}
     (before,) = [batch.sampled for batch in opened(smoke_root, **options).test_dataloader()]
     for path in (smoke_root / "samples" / "test").glob("random-16-*"):
-        path.write_bytes(path.read_bytes()[:-7])
+        path.write_bytes(damage(path.read_bytes()))
     (after,) = [batch.sampled for batch in opened(smoke_root, **options).test_dataloader()]
     torch.testing.assert_close(after, before, rtol=0, atol=0)
 

@@ -30,6 +30,11 @@ def test_rounds_may_end_within_epochs_and_be_drawn_alone():
     assert drawn(RoundSampler(23, 4, 15, seed=2), [0]) != whole
 
 
+def test_a_round_goes_on_within_and_the_next_is_whole():
+    whole = drawn(RoundSampler(23, 4, 5, seed=1), [0, 1, 2])
+    assert drawn(RoundSampler(23, 4, 5, seed=1, first=7), [1, 2]) == whole[7:]
+
+
 def test_processes_share_an_epoch():
     parts = [drawn(RoundSampler(24, 4, 3, seed=1, rank=rank, processes=2), [0]) for rank in (0, 1)]
     assert sorted(chain(*parts[0], *parts[1])) == list(range(24))

@@ -159,6 +159,30 @@ def test_a_damaged_part_is_named_dropped_and_predicted_again(tmp_path, damage):
     assert_same(again.collect().planes, planes[:4])
 
 
+def test_no_flipped_bit_of_a_part_costs_the_other_parts(tmp_path):
+    """Nor one in the metadata, such as the key, which would make the whole store another run's."""
+    planes = some_planes()
+    store = PredictionStore(tmp_path, "a key of some length")
+    store.append([0, 1], [0, 1], planes[:2])
+    part = store.append([2, 3], [2, 3], planes[2:4])
+    data, rng = part.read_bytes(), np.random.default_rng(0)
+    for place in [data.index(b"a key"), data.index(b"symshrec"), *rng.integers(len(data), size=60)]:
+        flipped = bytearray(data)
+        flipped[place] ^= 1 << int(rng.integers(8))
+        part.write_bytes(flipped)
+        with pytest.warns(RuntimeWarning, match=part.name):
+            assert PredictionStore(tmp_path, "a key of some length").done() == {0, 1}
+
+
+def test_files_whose_checksum_is_over_the_tensors_alone_are_read(tmp_path):
+    """As they were written at first."""
+    save_predictions(tmp_path / "p", range(6), range(6), PackedPlanes.pack(some_planes()), {"method": "M3"})
+    tensors = load_file(tmp_path / "p")
+    metadata = {"method": "M3", "format": FORMAT, "sha256": _digest(tensors, {})}
+    save_file(tensors, tmp_path / "old", metadata)
+    assert_same(load_predictions(tmp_path / "old").planes, some_planes())
+
+
 def test_a_store_of_another_run_is_refused_and_left_alone(tmp_path):
     PredictionStore(tmp_path, "old").append([0], [0], some_planes()[:1])
     with pytest.raises(PredictionFileError, match=f"key old, this run's is new.*delete {tmp_path}"):
@@ -192,7 +216,7 @@ def test_a_forged_file_with_a_right_checksum_is_refused(name, change, problem, t
     save_predictions(path, range(len(COUNTS)), range(len(COUNTS)), PackedPlanes.pack(some_planes()), {})
     arrays = load_file(path)
     arrays[name] = np.ascontiguousarray(change(arrays[name]))
-    save_file(arrays, path, {"format": FORMAT, "sha256": _digest(arrays)})
+    save_file(arrays, path, {"format": FORMAT, "sha256": _digest(arrays, {})})
     with pytest.raises(PredictionFileError, match=problem) as error:
         load_predictions(path)
     assert str(path) in str(error.value)

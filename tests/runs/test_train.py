@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from symshrec.methods.m2.module import M2
 from symshrec.methods.m2.settings import M2Settings, NetworkSettings
 from symshrec.methods.settings import restored_settings
 from symshrec.methods.weights import WeightsError, read_weights
+from symshrec.runs.checkpoints import steps_done
 from symshrec.runs.cross_validation import fold_spread
 from symshrec.runs.evaluate import evaluate
 from symshrec.runs.train import chosen_precision, train
@@ -56,6 +59,7 @@ TRAINING = [
     "train.clouds_shown=1",
     "trainer.enable_progress_bar=false",
 ]
+AT_ONCE = "train.max_minutes=1e-9"  # a session is one step
 TINY = [*TINY_M1, *TRAINING]
 TRAININGS = {"m1": TINY, "m2": [*TINY_M2, *TRAINING], "m2_pretrain": [*TINY_M2, "run=m2_pretrain", *TRAINING]}
 
@@ -78,51 +82,86 @@ def assert_equal_weights(one, other):
 
 
 @pytest.mark.parametrize("method", TRAININGS)
-def test_stopped_after_every_round_a_training_ends_with_the_same_weights(tiny, method):
-    whole, pieces = tiny("whole", method=method), tiny("pieces", "train.max_minutes=0.00001", method=method)
+def test_stopped_after_every_step_a_training_ends_with_the_same_weights(tiny, method):
+    """Within rounds, at their ends and before validations alike."""
+    short = "train.epochs=1.5"
+    whole, pieces = tiny("whole", short, method=method), tiny("pieces", short, AT_ONCE, method=method)
     result = train(whole)
     stops = 0
     while (finished := train(pieces)) is None:
         stops += 1
-    assert stops >= 3
+    assert stops == result["steps"] - 1
     assert_equal_weights(whole, pieces)
     assert finished["clouds"] == result["clouds"] == result["steps"] * 8
     assert finished["validation"] == result["validation"]
     assert ("val/mAP" in result["validation"]) == (method != "m2_pretrain")
 
 
-def test_killed_at_any_moment_a_training_ends_with_the_same_weights(tiny, smoke_root, small_benchmark):
-    whole, killed = tiny("whole", "train.epochs=12"), tiny("killed", "train.epochs=12")
+def test_killed_within_a_long_round_a_training_ends_with_the_same_weights(tiny, smoke_root, small_benchmark):
+    long = ["train.epochs=12", "train.steps_per_round=48"]
+    whole, killed = tiny("whole", *long), tiny("killed", *long)
     train(whole)
     folder = Path(killed.train.folder)
-    overrides = [*small_benchmark, f"data.root={smoke_root}", *TINY, "train.epochs=12", f"train.folder={folder}"]
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    process = subprocess.Popen([sys.executable, "experiments/train.py", *overrides], cwd=ROOT, env=environment)
+    overrides = [*small_benchmark, f"data.root={smoke_root}", *TINY, *long, f"train.folder={folder}"]
+    command = [sys.executable, "experiments/train.py", *overrides, "train.checkpoint_minutes=0"]
+    process = subprocess.Popen(command, cwd=ROOT, env=os.environ | {"OMP_NUM_THREADS": "1"})
     try:
         deadline = time.monotonic() + 120
-        while not (folder / "last.ckpt").exists():
-            assert process.poll() is None, "ended before its first checkpoint"
+        while not (folder / "previous.ckpt").exists():
+            assert process.poll() is None, "ended before its second checkpoint"
             assert time.monotonic() < deadline, "no checkpoint in two minutes"
             time.sleep(0.01)
     finally:
         process.send_signal(signal.SIGKILL)
         process.wait()
-    assert not (folder / "training.json").exists()
+    assert 0 < steps_done(folder) < 48
     train(killed)
     assert_equal_weights(whole, killed)
 
 
+def test_checkpoints_need_no_temporary_folder_and_a_session_no_sound_event_file(tiny, monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "not there"))
+    config = tiny("folder", "train.epochs=1", AT_ONCE)
+    assert train(config) is None
+    folder = Path(config.train.folder)
+    for events in (folder / "tensorboard").glob("events.*"):
+        events.write_bytes(events.read_bytes()[:-3] + b"torn")
+    for name in ("settings.json", "data.json"):
+        (folder / name).write_bytes(b"{")
+    while train(config) is None:
+        pass
+    kept = {path.name for path in folder.iterdir()}
+    assert kept == {"data.json", "last.ckpt", "settings.json", "tensorboard", "training.json", "weights.safetensors"}
+
+
+def test_a_training_goes_on_from_a_checkpoint_by_lightning_alone(tiny):
+    """Without checksum, with the state of Lightning's own callback: as trainings wrote them at first."""
+    whole, old = tiny("whole"), tiny("old", AT_ONCE)
+    train(whole)
+    while train(old) is None and steps_done(Path(old.train.folder)) < 3:
+        pass
+    folder = Path(old.train.folder)
+    checkpoint = torch.load(folder / "last.ckpt", weights_only=True)
+    checkpoint["callbacks"]["ModelCheckpoint{'monitor': None}"] = {"dirpath": "elsewhere"}
+    for path in folder.glob("*.*"):
+        path.unlink() if path.is_file() else None
+    torch.save(checkpoint, folder / "last.ckpt")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        train(tiny("old"))
+    assert_equal_weights(whole, old)
+
+
 def test_a_cool_down_branches_off_and_the_training_goes_on_as_if_nothing_had_been(tiny):
     """At a constant rate weights can be made of any state; the rate of the branch falls to zero."""
-    constant = ["train.optimiser.schedule=constant", "train.optimiser.warmup_steps=2"]
-    whole, pieces = tiny("whole", *constant), tiny("pieces", *constant, "train.max_minutes=0.00001")
+    constant = ["train.optimiser.schedule=constant", "train.optimiser.warmup_steps=2", "train.epochs=2"]
+    whole, pieces = tiny("whole", *constant), tiny("pieces", *constant, AT_ONCE)
     record = train(whole)
     with pytest.raises(ValueError, match=r"last\.ckpt does not exist; train first"):
         train(tiny("pieces", *constant, "train.cooldown=1"))
     assert train(pieces) is None
-    cooling = tiny("pieces", *constant, "train.cooldown=1", "train.max_minutes=0.00001")
-    while (branch := train(cooling)) is None:
-        pass
+    cooling = tiny("pieces", *constant, "train.cooldown=1")
+    branch = train(cooling)
     folder = Path(pieces.train.folder) / "cooldown_00001"
     assert branch["steps"] == 9  # a round of 3 steps, then an epoch of 33 clouds in whole rounds
     rates = EventAccumulator(str(folder / "tensorboard")).Reload().Scalars("lr-AdamW/pg1")
