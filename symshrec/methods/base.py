@@ -20,6 +20,9 @@ class SymmetryMethod(LightningModule):
     how clouds are made or stored. One that is told the true planes says so with `oracle`: tables show it as a limit to
     hold the others against, and never as the best of them.
 
+    A class states its `name` and a `version`, which counts up whenever its planes change: stored predictions of another
+    version are not taken for its own. A class that states none is known by its source instead.
+
     Args:
         count_threshold: planes of at least this confidence count as found in the count accuracy.
         workers: processes for what is done cloud by cloud on the CPU; 0 and 1 work in this one. They start with the
@@ -27,6 +30,8 @@ class SymmetryMethod(LightningModule):
         refine: whether refinement follows detection (see `refine_planes`).
     """
 
+    name: str
+    version: int | None = None
     oracle = False
 
     def __init__(self, count_threshold: float = 0.5, workers: int = 0, refine: bool = False):

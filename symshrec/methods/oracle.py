@@ -24,6 +24,8 @@ class Truth(SymmetryMethod):
         ValueError: naming the argument that is out of its range.
     """
 
+    name = "truth"
+    version = 1
     oracle = True
 
     def __init__(

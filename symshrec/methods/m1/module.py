@@ -31,6 +31,7 @@ class M1(LearnedMethod):
     """
 
     name = "m1"
+    version = 1
 
     def __init__(
         self,

@@ -43,6 +43,7 @@ class M2(LearnedMethod):
     """
 
     name = "m2"
+    version = 1
 
     def __init__(
         self,

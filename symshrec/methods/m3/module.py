@@ -19,6 +19,9 @@ class M3(SymmetryMethod):
         ValueError: naming the argument that is out of its range.
     """
 
+    name = "m3"
+    version = 1
+
     def __init__(
         self,
         neighbours: int = 200,

@@ -20,6 +20,9 @@ class M4(SymmetryMethod):
         ValueError: naming the argument that is out of its range.
     """
 
+    name = "m4"
+    version = 1
+
     def __init__(
         self,
         points: int = 8192,
