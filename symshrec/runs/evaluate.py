@@ -56,7 +56,7 @@ def evaluate(config: DictConfig) -> dict:
     are kept aside, see `open_store`.
 
     Returns:
-        What metrics.json holds. `partial` is true where the trainer was told to stop before the last cloud; such a run
+        What metrics.json holds. `partial` is true where the trainer was limited to fewer clouds than these; such a run
         is not finished, and the same command without that limit goes on.
     """
     folder = Path(config.folder)
