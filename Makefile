@@ -8,7 +8,7 @@ STAMP := $(VENV)/.ready
 # The data of P6–P9 that stands beside this scale's tables; data.hard of conf/data says so too.
 HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
 
-.PHONY: setup test lint data tables figures bench clean
+.PHONY: setup test lint data tables publish figures bench clean
 .DEFAULT_GOAL := tables
 
 setup: $(STAMP)
@@ -39,6 +39,10 @@ tables: data
 	$(BIN)/python experiments/evaluate.py --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
 	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
 	$(BIN)/python experiments/tables.py data=$(SCALE)
+
+# Copies what `make tables` wrote under runs/ into results/, which git keeps.
+publish: setup
+	$(BIN)/python experiments/publish.py data=$(SCALE)
 
 figures: setup
 	$(BIN)/python experiments/figures.py

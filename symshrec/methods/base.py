@@ -17,8 +17,8 @@ from symshrec.planes import Planes
 class SymmetryMethod(LightningModule):
     """A detector of mirror planes (section 3).
 
-    A method states its `Settings` and its `version`, and implements `detect`, and `detect_batch` where it gains from
-    seeing many clouds at once. It knows nothing of how clouds are made or stored.
+    A method states its `name`, its `Settings` and its `version`, and implements `detect`, and `detect_batch` where it
+    gains from seeing many clouds at once. It knows nothing of how clouds are made or stored.
 
     Args:
         settings: an instance of the class's `Settings`; None takes its defaults.
@@ -31,6 +31,7 @@ class SymmetryMethod(LightningModule):
             the best of them.
     """
 
+    name: str
     Settings: type[MethodSettings] = MethodSettings
     version: int | None = None
     oracle = False

@@ -62,12 +62,6 @@ def plain_settings(settings) -> dict[str, Any]:
     return {each.name: _plain(getattr(settings, each.name)) for each in fields(settings)}
 
 
-def decisive_settings(settings) -> dict[str, Any]:
-    """Likewise, without the fields that decide nothing of the planes."""
-    decisive = (each for each in fields(settings) if not each.metadata.get("harmless"))
-    return {each.name: _plain(getattr(settings, each.name)) for each in decisive}
-
-
 def restored_settings(
     kind: type[Kind], plain: Mapping[str, Any], layers: int = LARGEST, prefix: str = "network."
 ) -> Kind:

@@ -14,20 +14,23 @@ from omegaconf import DictConfig, OmegaConf
 
 from symshrec.data.batch import Batch
 from symshrec.data.datamodule import SymmetryDataModule
+from symshrec.data.settings import SamplingKind
 from symshrec.files.atomic import write_atomically
-from symshrec.files.predictions import PredictionFileError, PredictionStore
+from symshrec.files.predictions import PredictionStore
 from symshrec.methods.base import SymmetryMethod
-from symshrec.methods.learned import LearnedMethod
+from symshrec.methods.fit import REFINEMENT_VERSION
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
 from symshrec.reporting.figures.tensorboard import TensorBoardResults
 from symshrec.runs.config import method_of
 from symshrec.runs.folders import claimed, refuse_other_data
-from symshrec.runs.provenance import code_version, hardware, peak_memory_mib, source_files
+from symshrec.runs.identity import digest, run_identity, unrefined
+from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
+from symshrec.runs.stores import find_store, lacking, open_store
 
 log = logging.getLogger(__name__)
+METRICS = "metrics.json"  # written last
 TIMES = "seconds.txt"  # beside the predictions: clouds and seconds of every batch
-NO_INFLUENCE = ("name", "workers", "weights")  # of a method's configuration, on what it predicts
 
 
 def datamodule_of(config: DictConfig) -> SymmetryDataModule:
@@ -39,11 +42,13 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
 def evaluate(config: DictConfig) -> dict:
     """Detect, score and record: predictions.safetensors, config.yaml and, last, metrics.json in `config.folder`.
 
-    A killed run goes on where it was; a finished one is only scored again where the tolerances changed, and left alone
-    where nothing did.
+    A killed run goes on where it was. A finished one is left alone where nothing changed, only scored again where the
+    tolerances did, and completed where its predictions are gone or damaged. Predictions of other settings in the folder
+    are kept aside, see `open_store`.
 
     Returns:
-        What metrics.json holds.
+        What metrics.json holds. `partial` is true where the trainer was limited to fewer clouds than these; such a run
+        is not finished, and the same command without that limit goes on.
 
     Raises:
         FolderInUseError: where another process works in this folder. ValueError: where it holds another data's results.
@@ -58,48 +63,54 @@ def _evaluated(config: DictConfig, folder: Path) -> dict:
     seed_everything(config.seed, workers=True, verbose=False)
     data, method = datamodule_of(config), method_of(config)
     refuse_other_data(folder, config, data.split(data.test_split).fingerprint)
-    key = prediction_key(config, data, method)
-    request = hashlib.sha256(f"{key} {config.title} {config.tolerance}".encode()).hexdigest()
-    finished = _read(folder / "metrics.json")
-    if finished and finished["request_sha256"] == request:
-        log.info("%s: up to date in %s", config.title, folder)
-        return finished
-    (folder / "metrics.json").unlink(missing_ok=True)
-    store = _store(folder / "predictions", key)
-    method.known, method.detected = dict(store.items()), _unrefined(config, data, method)
+    identity = identity_of(config, data, method)
+    key, request = digest(identity), _request(config, method, identity)
+    clouds = len(data.positions(data.test_split))
+    if finished := _finished(folder, request):
+        if not (lack := lacking(folder, key, clouds)):
+            log.info("%s: up to date in %s", config.title, folder)
+            return finished
+        log.warning("%s: %s; predicting what is missing", config.title, lack)
+    store = open_store(folder, identity)
+    (folder / METRICS).unlink(missing_ok=True)
+    method.known, method.detected = dict(store.items()), _unrefined(config, method, identity)
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
     _trainer(config, folder, keeper).test(method, datamodule=data, verbose=False)
-    return _record(config, folder, data, method, store, keeper, {"request_sha256": request, "key": key})
+    about = {"request_sha256": request, "key": key, "identity": identity}
+    return _record(config, folder, data, method, store, keeper, about)
 
 
-def prediction_key(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> str:
-    """sha256 over all that decides the predictions: the method's configuration and code, the clouds, the seed.
-
-    Refinement counts only where it is on, so that without it a run's predictions outlive changes of its code. What all
-    methods share to run at all (`FRAME`) does not count.
-    """
-    settings = OmegaConf.to_container(config.method, resolve=True, enum_to_str=True)
-    code = source_files(type(method).__module__)
-    if settings["refine"]:
-        code |= source_files("symshrec.methods.fit")
-    else:
-        del settings["refine"]
-    facts = {
-        "method": {name: value for name, value in settings.items() if name not in NO_INFLUENCE},
-        **({"weights": [each["sha256"] for each in record]} if (record := weights_record(method)) else {}),
-        "code": [hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted(code)],
-        "data": data.split(data.test_split).fingerprint,
-        "positions": hashlib.sha256(data.positions(data.test_split).tobytes()).hexdigest(),
-        "sampling": [config.data.sampling.kind.name, config.data.sampling.points],
-        "seed": config.seed,
-    }
-    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()
+def identity_of(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> dict:
+    """What decides the predictions of the run that `config` describes."""
+    split, drawn = data.test_split, data.settings.sampling
+    points = {} if drawn.kind is SamplingKind.none else {"points": drawn.points}
+    return run_identity(
+        method,
+        data=data.split(split).fingerprint,
+        positions=data.positions(split),
+        sampling={"kind": drawn.kind.name, **points},
+        seed=config.seed,
+        precision=str(config.trainer.precision),
+        refinement=REFINEMENT_VERSION,
+    )
 
 
-def weights_record(method: SymmetryMethod) -> list[dict[str, str]] | None:
-    """Names and hashes of a method's weights; None for one that has none."""
-    return method.weights_record if isinstance(method, LearnedMethod) else None
+def _request(config: DictConfig, method: SymmetryMethod, identity: dict) -> str:
+    """sha256 over all that decides metrics.json: the predictions, and how they are scored and named."""
+    tolerance = OmegaConf.to_container(config.tolerance, resolve=True)
+    scoring = {"title": config.title, "tolerance": tolerance, "count_threshold": method.count_threshold}
+    return digest({"predictions": identity, **scoring})
+
+
+def _finished(folder: Path, request: str) -> dict | None:
+    """What metrics.json holds where it answers this request over all clouds."""
+    try:
+        found = json.loads((folder / METRICS).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    known = isinstance(found, dict) and found.get("request_sha256") == request and not found.get("partial")
+    return found if known else None
 
 
 class StorePredictions(Callback):
@@ -131,27 +142,15 @@ class StorePredictions(Callback):
         }
 
 
-def _unrefined(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> dict[int, Planes]:
+def _unrefined(config: DictConfig, method: SymmetryMethod, identity: dict) -> dict[int, Planes]:
     """Of a run with refinement, the planes that the same run without it has left; none where there is no such run."""
+    if not method.refine:
+        return {}
     plain = config.copy()
     plain.method.refine = False
-    folder = Path(plain.folder) / "predictions"
-    if not config.method.refine or plain.folder == config.folder or not folder.is_dir():
-        return {}
-    try:
-        return dict(PredictionStore(folder, prediction_key(plain, data, method)).items())
-    except PredictionFileError:
-        return {}
-
-
-def _store(folder: Path, key: str) -> PredictionStore:
-    """The store of these very predictions; what an older code or other data left there is of no use and goes."""
-    try:
-        return PredictionStore(folder, key)
-    except PredictionFileError:
-        log.warning("%s holds predictions of other code, data or settings; starting anew", folder)
-        (folder / TIMES).unlink(missing_ok=True)
-        return PredictionStore(folder, key, reset=True)
+    key = digest(unrefined(identity))
+    place = find_store(Path(plain.folder), key)
+    return dict(PredictionStore(place, key).items()) if place else {}
 
 
 def _trainer(config: DictConfig, folder: Path, *callbacks: Callback) -> Trainer:
@@ -170,10 +169,9 @@ def _trainer(config: DictConfig, folder: Path, *callbacks: Callback) -> Trainer:
     )
 
 
-def _record(config, folder: Path, data, method, store: PredictionStore, keeper: StorePredictions, keys: dict) -> dict:
+def _record(config, folder: Path, data, method, store: PredictionStore, keeper: StorePredictions, about: dict) -> dict:
     split = data.split(data.test_split)
-    about = {"method": config.title, "data": split.fingerprint, "count_threshold": method.count_threshold}
-    store.consolidate(about)
+    store.consolidate({"method": config.title, "data": split.fingerprint, "count_threshold": method.count_threshold})
     scores, labels, _ = method.test_metric.evaluation()
     resolved = OmegaConf.to_yaml(config, resolve=True)
     write_atomically(folder / "config.yaml", resolved.encode())
@@ -182,24 +180,26 @@ def _record(config, folder: Path, data, method, store: PredictionStore, keeper: 
         "method": config.method.name,
         "run": config.run.name,
         "oracle": method.oracle,
+        "partial": len(scores) < len(data.positions(data.test_split)),
         "scores": [row._asdict() for row in grouped(scores, labels)],
         "precision_recall": _curves(scores),
         "data": {
             "name": f"{config.data.name}{config.data.variant}",
             "split": data.test_split,
             "clouds": len(scores),
+            "clouds_in_split": len(split),
             "manifest_sha256": split.fingerprint,
         },
         "seed": config.seed,
-        "weights": weights_record(method),
+        "weights": getattr(method, "weights_record", None),
         "hardware": hardware(),
         "seconds": keeper.total(),
         "peak_memory_mib": peak_memory_mib(),
         "config_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
         "code": code_version(),
-        **keys,
+        **about,
     }
-    write_atomically(folder / "metrics.json", (json.dumps(result, indent=1) + "\n").encode())
+    write_atomically(folder / METRICS, (json.dumps(result, indent=1) + "\n").encode())
     return result
 
 
@@ -210,11 +210,3 @@ def _curves(scores: Scores) -> list[dict]:
         for row, theta in enumerate(scores.thetas_deg)
         for column, epsilon in enumerate(scores.epsilons)
     ]
-
-
-def _read(path: Path) -> dict | None:
-    """A metrics.json, None where there is none that is whole."""
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError):
-        return None

@@ -1,6 +1,5 @@
 """Where a result comes from: code, machine and memory, for its metrics.json."""
 
-import ast
 import os
 import platform
 import resource
@@ -11,9 +10,6 @@ from pathlib import Path
 import torch
 
 import symshrec
-
-# What runs a method and decides nothing of its planes.
-FRAME = ("symshrec.data.batch", "symshrec.methods.base", "symshrec.files.processes")
 
 
 def code_version() -> dict[str, str | bool | None]:
@@ -34,27 +30,6 @@ def code_version() -> dict[str, str | bool | None]:
         "commit": git("rev-parse", "HEAD"),
         "modified": None if changes is None else bool(changes),
     }
-
-
-def source_files(module: str) -> set[Path]:
-    """The files of this package that a module is made of: its own, and those of what it imports, bar the `FRAME`."""
-    found, waiting = set(), [module]
-    while waiting:
-        path = _file_of(waiting.pop())
-        if path is None or path in found:
-            continue
-        found.add(path)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ImportFrom) and node.module and node.module not in FRAME:
-                waiting += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-    return found
-
-
-def _file_of(module: str) -> Path | None:
-    """A module's file; None for what is another package's or no module."""
-    place = Path(symshrec.__file__).parent.parent.joinpath(*module.split("."))
-    files = (place.with_suffix(".py"), place / "__init__.py")
-    return next((file for file in files if module.startswith("symshrec.") and file.is_file()), None)
 
 
 def hardware() -> dict[str, str | int | float | None]:

@@ -74,6 +74,7 @@ class PathsConfig:
     data: str = "data"
     runs: str = "runs"
     results: str = "results"
+    tables: str = "${paths.runs}/${data.name}${data.variant}/tables"
 
 
 @dataclass

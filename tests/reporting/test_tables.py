@@ -167,8 +167,11 @@ def test_results_that_do_not_belong_together_are_refused(tmp_path):
         write_tables([], tmp_path)
     with pytest.raises(ValueError, match="both named 'M4'"):
         write_tables([a_result("M4"), a_result("M4")], tmp_path)
-    with pytest.raises(ValueError, match=r"different data .*abababababab.*cdcdcdcdcdcd"):
-        write_tables([a_result("M3 (R1)"), a_result("M4", manifest="cd" * 32)], tmp_path)
+    runs = [("M4", "cd"), ("M3 (R1)", "ab"), ("M3 (R2)", "ab")]
+    results = [a_result(name, manifest=manifest * 32) | {"file": name} for name, manifest in runs]
+    message = r"different data.* M3 \(R1\), M3 \(R2\) on .*abab.*; M4 on .*cdcd.*evaluate M4 again"
+    with pytest.raises(ValueError, match=message):
+        write_tables(results, tmp_path)
     with pytest.raises(ValueError, match=r"mAP, group all is 1\.5, outside"):
         write_tables([a_result("M4", value=lambda *_: 1.5)], tmp_path)
 
@@ -183,6 +186,38 @@ def test_read_result_names_file_and_field(tmp_path):
     path.write_text('{"name": "M4", "scores": []}')
     with pytest.raises(ValueError, match=r"metrics\.json lacks data, code"):
         read_result(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"scores": None}, "scores is null, expected a list"),
+        ({"scores": [1]}, r"scores\[0\] is 1, expected an object"),
+        ({"scores": [{"metric": "mAP", "group": "all", "epsilon": 1, "value": 1}]}, r"scores\[0\] lacks theta_deg"),
+        ({"name": 3}, "name is 3, expected text"),
+        ({"data": {"name": "quick", "split": "test"}}, "data lacks clouds"),
+        ({"data": {"name": "quick", "split": "test", "clouds": True}}, "data.clouds is true, expected a number"),
+        ({"code": {"version": None}}, "code.version is null, expected text"),
+        ({"weights": [{"name": "m1"}]}, r"weights\[0\] lacks sha256, about"),
+        ({"precision_recall": {}}, "precision_recall is {}, expected a list"),
+    ],
+)
+def test_a_field_of_the_wrong_type_is_one_line_that_names_it(tmp_path, change, message):
+    path = tmp_path / "metrics.json"
+    path.write_text(json.dumps(a_result("M4") | change))
+    with pytest.raises(ValueError, match=rf"metrics\.json: {message}.*evaluate that run again") as error:
+        read_result(path)
+    assert "\n" not in str(error.value)
+
+
+def test_runs_that_have_not_run_are_named_below_their_tables(tmp_path):
+    hard = [a_result("M4", groups=HARD_GROUPS)]
+    write_tables([a_result("M4")], tmp_path, hard=hard, missing={"main": ["m1_r5"], "hard": ["m4_fast", "m3_k200"]})
+    for name, line in (("table2", "Not run: m1_r5."), ("table_hard", "Not run: m4_fast, m3_k200.")):
+        text = (tmp_path / f"{name}.md").read_text()
+        assert text.index("| M4") < text.index(line)
+    write_tables([a_result("M4")], tmp_path)
+    assert "Not run" not in (tmp_path / "table2.md").read_text()
 
 
 def test_sweep_is_tabulated_along_the_papers_tolerances(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -11,11 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from symshrec.files.predictions import load_predictions
+from symshrec.files.predictions import PredictionStore, load_metadata, load_predictions, save_predictions, take_clouds
 from symshrec.metrics import evaluate as score
-from symshrec.planes import PackedPlanes
+from symshrec.planes import PackedPlanes, Planes
 from symshrec.runs.evaluate import datamodule_of, evaluate
-from symshrec.runs.provenance import source_files
 
 ROOT = Path(__file__).parents[2]
 CHEAP = ["data.limit=12", "data.batch_size=4"]
@@ -96,7 +96,77 @@ def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_pa
     np.testing.assert_array_equal(*(load_predictions(path).planes.normals for path in files))
 
 
-def test_a_run_depends_on_the_code_that_decides_its_planes():
-    names = {path.name for path in source_files("symshrec.methods.m3.module")}
-    assert {"module.py", "pipeline.py", "spectrum.py", "planes.py"} <= names
-    assert not {"base.py", "batch.py", "tables.py", "evaluation.py"} & names
+def test_predictions_of_other_settings_are_kept_aside_and_taken_back(smoke_config, caplog, monkeypatch):
+    first, folder = evaluate(smoke_config(*CHEAP)), Path(smoke_config().folder)
+    stored = (folder / "predictions" / "predictions.safetensors").read_bytes()
+    other = evaluate(smoke_config(*CHEAP, "method.neighbours=60"))
+    assert other["seconds"]["detected_clouds"] == 12
+    aside = folder / f"predictions.{first['key'][:12]}"
+    assert "stored run differs in method.neighbours: 20 → 60" in caplog.text
+    assert str(aside) in caplog.text
+    assert (aside / "predictions.safetensors").read_bytes() == stored
+    assert json.loads((aside / "metrics.json").read_text()) == first
+    monkeypatch.setattr("symshrec.methods.m3.module.M3.detect_batch", lambda *_: pytest.fail("detected twice"))
+    again = evaluate(smoke_config(*CHEAP))
+    assert (values(again), again["seconds"], again["key"]) == (values(first), first["seconds"], first["key"])
+    assert {path.name for path in folder.glob("predictions*")} == {"predictions", f"predictions.{other['key'][:12]}"}
+
+
+def test_predictions_that_tell_nothing_of_their_settings_are_kept_aside(smoke_config):
+    place = Path(smoke_config().folder) / "predictions"
+    PredictionStore(place, "a" * 64).append([0], [0], [Planes(np.eye(3)[:1], np.zeros((1, 3)))])
+    assert evaluate(smoke_config(*CHEAP))["seconds"]["detected_clouds"] == 12
+    assert PredictionStore(place.with_name("predictions.aaaaaaaaaaaa"), "a" * 64).done() == {0}
+
+
+@pytest.mark.parametrize("harm", ["gone", "cut", "folder gone", "some clouds only"])
+def test_a_finished_run_without_whole_predictions_makes_what_is_missing(smoke_config, harm):
+    first = evaluate(smoke_config(*CHEAP))
+    place = Path(smoke_config().folder) / "predictions"
+    path, missing = place / "predictions.safetensors", 12
+    if harm == "gone":
+        path.unlink()
+    elif harm == "cut":
+        path.write_bytes(path.read_bytes()[:-50])
+    elif harm == "folder gone":
+        shutil.rmtree(place)
+    else:
+        whole, missing = load_predictions(path), 5
+        few = take_clouds(whole.planes, np.arange(7))
+        save_predictions(path, whole.positions[:7], whole.ids[:7], few, {"key": first["key"]})
+    again = evaluate(smoke_config(*CHEAP))
+    assert values(again) == values(first)
+    assert len(load_predictions(path).positions) == 12
+    before = 0 if harm == "folder gone" else 12
+    assert again["seconds"]["detected_clouds"] == before + missing
+
+
+@pytest.mark.parametrize("text", ["[]", "{}", '{"request_sha256": null}', "nonsense"])
+def test_a_damaged_record_is_written_anew(smoke_config, text):
+    first, path = evaluate(smoke_config(*CHEAP)), Path(smoke_config().folder) / "metrics.json"
+    path.write_text(text)
+    assert values(evaluate(smoke_config(*CHEAP))) == values(first) == values(json.loads(path.read_text()))
+
+
+def test_a_partial_run_is_not_taken_for_a_finished_one(smoke_config):
+    partial = evaluate(smoke_config(*CHEAP, "+trainer.limit_test_batches=2"))
+    assert (partial["partial"], partial["data"]["clouds"]) == (True, 8)
+    whole = evaluate(smoke_config(*CHEAP))
+    assert (whole["partial"], whole["data"]["clouds"]) == (False, 12)
+    assert whole["seconds"]["detected_clouds"] == 12
+
+
+def test_another_threshold_of_counting_scores_again_without_detecting_again(smoke_config, monkeypatch):
+    first = evaluate(smoke_config(*CHEAP))
+    monkeypatch.setattr("symshrec.methods.m3.module.M3.detect_batch", lambda *_: pytest.fail("detected twice"))
+    other = evaluate(smoke_config(*CHEAP, "method.count_threshold=2"))
+    assert other["key"] == first["key"]
+    assert other["request_sha256"] != first["request_sha256"]
+    path = Path(smoke_config().folder) / "predictions" / "predictions.safetensors"
+    assert float(load_metadata(path)["count_threshold"]) == 2
+
+
+def test_refinement_takes_planes_that_were_kept_aside_in_its_own_folder(smoke_config, monkeypatch):
+    plain = evaluate(smoke_config(*CHEAP, "data.limit=3"))
+    monkeypatch.setattr("symshrec.methods.m3.module.M3.detect_batch", lambda *_: pytest.fail("detected twice"))
+    assert evaluate(smoke_config(*CHEAP, "data.limit=3", "method.refine=true"))["key"] != plain["key"]

@@ -2,4 +2,6 @@
 
 from symshrec.methods.fit.refinement import Refined, RefineSettings, refine_planes, refined
 
-__all__ = ["RefineSettings", "Refined", "refine_planes", "refined"]
+REFINEMENT_VERSION = 1  # counts up whenever refined planes change
+
+__all__ = ["REFINEMENT_VERSION", "RefineSettings", "Refined", "refine_planes", "refined"]

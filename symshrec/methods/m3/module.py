@@ -12,6 +12,7 @@ from symshrec.planes import Planes
 class M3(SymmetryMethod):
     """Diffusion-based symmetry detection."""
 
+    name = "m3"
     Settings = M3Settings
     version = 1
 

@@ -12,6 +12,7 @@ from symshrec.planes import Planes
 class M4(SymmetryMethod):
     """Training-free detection."""
 
+    name = "m4"
     Settings = M4Settings
     version = 1
 

@@ -17,6 +17,7 @@ class Oracle(SymmetryMethod):
     when the search is perfect. With both errors 0 and no refinement, the score is 1 everywhere.
     """
 
+    name = "oracle"
     Settings = OracleSettings
     version = 1
     oracle = True

@@ -1,8 +1,9 @@
 """Tables 2–4: ours, published and difference side by side, and below each what its two metrics hide; and our own."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 
 from symshrec.benchmark.cloud import SOLIDS
 from symshrec.metrics import METRICS
@@ -206,7 +207,11 @@ def _label(metric: str) -> str:
 
 
 def write_tables(
-    results: Sequence[dict], folder: Path, hard: Sequence[dict] = (), so3: Sequence[dict] = ()
+    results: Sequence[dict],
+    folder: Path,
+    hard: Sequence[dict] = (),
+    so3: Sequence[dict] = (),
+    missing: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> tuple[list[Path], str]:
     """Write table2, table3, table4 as .md, .csv and .tex, and those of ours that there are results for.
 
@@ -217,6 +222,7 @@ def write_tables(
         results: metrics.json dictionaries (`results.read_result`), one per row, in row order, on the same data.
         folder: made where missing; each file is replaced in one step.
         hard, so3: likewise, on data of P6–P9 and on data under full rotations.
+        missing: runs to name below the tables as not run: `main` for those on the same data, `hard`, `so3`.
 
     Returns:
         The files written, and the tables as text to print.
@@ -225,21 +231,23 @@ def write_tables(
         ValueError: for no results, two of one name, differing data, or a missing score (file, metric and group named).
     """
     tight = [result for result in results if scored_at(result, TIGHT_THETA_DEG, TIGHT_EPSILON)]
-    beside = ((TIGHT_DOCUMENT, tight), (HARD_DOCUMENT, hard), (SO3_DOCUMENT, so3))
-    pages = [_page(document, results) for document in PAPER_DOCUMENTS]
-    pages += [_page(document, own) for document, own in beside if own]
+    beside = ((TIGHT_DOCUMENT, tight, "main"), (HARD_DOCUMENT, hard, "hard"), (SO3_DOCUMENT, so3, "so3"))
+    pages = [_page(document, results, missing.get("main", ())) for document in PAPER_DOCUMENTS]
+    pages += [_page(document, own, missing.get(name, ())) for document, own, name in beside if own]
     if several := swept(results):
         title, text = "Tolerance sweep: how mAP depends on θ and ε", csv_text(SWEEP_COLUMNS, sweep_rows(several))
         pages.append(Page("sweep", title, sweep_grids(several), _note(several), provenance(several), text))
     return write_pages(pages, folder)
 
 
-def _page(document: Document, results: Sequence[dict]) -> Page:
+def _page(document: Document, results: Sequence[dict], missing: Sequence[str] = ()) -> Page:
     check_comparable(results)
     grids = [grid for layout in document.layouts for grid in table_grids(layout, results)]
     rows = (row for layout in document.layouts for row in table_rows(layout, results))
-    return Page(document.name, document.title, grids, _note(results), provenance(results), csv_text(CSV_COLUMNS, rows))
+    note, table = _note(results, missing), csv_text(CSV_COLUMNS, rows)
+    return Page(document.name, document.title, grids, note, provenance(results), table)
 
 
-def _note(results: Sequence[dict]) -> str:
-    return " ".join([HIDES, *(ORACLE.format(result["name"]) for result in results if is_oracle(result))])
+def _note(results: Sequence[dict], missing: Sequence[str] = ()) -> str:
+    oracles = (ORACLE.format(result["name"]) for result in results if is_oracle(result))
+    return " ".join([HIDES, *oracles, *([f"Not run: {', '.join(missing)}."] if missing else [])])

@@ -11,24 +11,65 @@ THETA_DEG, EPSILON = 1.0, 0.01  # the tolerances of Tables 2–4
 TIGHT_THETA_DEG, TIGHT_EPSILON = 0.1, 0.001  # of our table ten times tighter
 PUBLISHED_METRICS, HIDDEN_METRICS = METRICS[:2], METRICS[2:]
 LABELS = {"recall_aware_mAP": "recall-aware mAP", "count_accuracy": "count accuracy"}  # else the metric's own name
-NEEDED = ("name", "scores", "data", "code")
+AGAIN = "evaluate that run again"
+NUMBER, NONE = (int, float), (type(None),)
+FIELDS = {  # of a metrics.json, as far as tables and figures read it; what may be None may be absent
+    "name": (str,),
+    "scores": (list,),
+    "data": (dict,),
+    "code": (dict,),
+    "weights": (list, *NONE),
+    "precision_recall": (list, *NONE),
+    "oracle": (bool, *NONE),
+    "partial": (bool, *NONE),
+}
+DATA = {"name": (str,), "split": (str,), "clouds": (int,), "manifest_sha256": (str, *NONE)}
+CODE = {"version": (str,), "commit": (str, *NONE)}
+PARTS = {  # what the lists hold
+    "scores": {"metric": (str,), "group": (str,), "theta_deg": NUMBER, "epsilon": NUMBER, "value": NUMBER + NONE},
+    "weights": {"name": (str,), "sha256": (str,), "about": (str,)},
+    "precision_recall": {"theta_deg": NUMBER, "epsilon": NUMBER, "precision": (list,)},
+}
+WORDS = {str: "text", list: "a list", dict: "an object", bool: "true or false", int: "a number", type(None): "null"}
 
 
 def read_result(path: Path) -> dict:
     """A run's metrics.json, with `file` added so that later errors can name it.
 
     Raises:
-        ValueError: naming the file, where it is not JSON or lacks one of name, scores, data and code.
+        ValueError: naming the file, where it is not JSON, and the field that is missing or of the wrong type.
     """
     path = Path(path)
     try:
         result = json.loads(path.read_text(encoding="utf-8"))
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path} is not a metrics.json: {error}; run the evaluation again") from error
-    missing = [name for name in NEEDED if not isinstance(result, dict) or name not in result]
-    if missing:
-        raise ValueError(f"{path} lacks {', '.join(missing)}; run the evaluation again")
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ValueError(f"{path} is not a metrics.json: {error}; {AGAIN}") from error
+    _check_fields(path, "", result, FIELDS)
+    _check_fields(path, "data", result["data"], DATA)
+    _check_fields(path, "code", result["code"], CODE)
+    for name, fields in PARTS.items():
+        for place, part in enumerate(result.get(name) or ()):
+            _check_fields(path, f"{name}[{place}]", part, fields)
     return {**result, "file": str(path)}
+
+
+def _check_fields(path: Path, where: str, node: object, fields: dict[str, tuple]) -> None:
+    if not isinstance(node, dict):
+        raise ValueError(f"{path}: {where or 'all of it'} is {_shown(node)}, expected an object; {AGAIN}")
+    missing = [name for name, kinds in fields.items() if name not in node and type(None) not in kinds]
+    if missing:
+        raise ValueError(f"{path}{where and f': {where}'} lacks {', '.join(missing)}; {AGAIN}")
+    for name, kinds in fields.items():
+        value = node.get(name)
+        if not isinstance(value, kinds) or (isinstance(value, bool) and bool not in kinds):
+            expected = " or ".join(WORDS[kind] for kind in kinds if kind in WORDS)
+            field = f"{where}.{name}" if where else name
+            raise ValueError(f"{path}: {field} is {_shown(value)}, expected {expected}; {AGAIN}")
+
+
+def _shown(value: object) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:39]}…"
 
 
 def source(result: dict) -> str:
@@ -89,15 +130,19 @@ def check_comparable(results: Sequence[dict]) -> None:
     """
     if not results:
         raise ValueError("no results to tabulate; evaluate at least one method first")
-    by_name = {}
+    by_name, by_data = {}, {}
     for result in results:
         if (other := by_name.setdefault(result["name"], result)) is not result:
             raise ValueError(f"{source(other)} and {source(result)} are both named {result['name']!r}; rename one")
-        if _data_key(result) != _data_key(results[0]):
-            raise ValueError(
-                f"{source(results[0])} and {source(result)} were measured on different data "
-                f"({_describe(results[0])} against {_describe(result)}); tabulate them apart"
-            )
+        by_data.setdefault(data_key(result), []).append(result)
+    if len(by_data) > 1:
+        versions = sorted(by_data.values(), key=len, reverse=True)  # of a size, in the order given
+        listed = "; ".join(f"{', '.join(map(source, own))} on {describe_data(own[0])}" for own in versions)
+        odd = ", ".join(source(each) for own in versions[1:] for each in own)
+        raise ValueError(
+            f"runs on different data cannot share a table: {listed}; evaluate {odd} again, or the others where these "
+            "are the newer ones"
+        )
 
 
 def provenance(results: Sequence[dict]) -> str:
@@ -109,15 +154,17 @@ def provenance(results: Sequence[dict]) -> str:
         for used in each.get("weights") or ()
     )
     trained = f" Weights: {'; '.join(weights)}." if weights else ""
-    return f"Data: {_describe(results[0])}. Code: symshrec {', '.join(versions)}.{trained}"
+    return f"Data: {describe_data(results[0])}. Code: symshrec {', '.join(versions)}.{trained}"
 
 
-def _describe(result: dict) -> str:
+def describe_data(result: dict) -> str:
+    """Data, split, clouds and manifest in one phrase."""
     data = result["data"]
     return f"{data['name']} {data['split']}, {data['clouds']:,} clouds, manifest {_short(data.get('manifest_sha256'))}"
 
 
-def _data_key(result: dict) -> tuple:
+def data_key(result: dict) -> tuple:
+    """What two runs share that were measured on the same clouds: names, number of clouds and manifest."""
     data = result["data"]
     return data["name"], data["split"], data["clouds"], data.get("manifest_sha256")
 

@@ -1,0 +1,147 @@
+"""§5 All tables and figures of the runs on some data, under runs/, and the command that publishes them in results/."""
+
+import hashlib
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from omegaconf import DictConfig
+
+from symshrec.files.atomic import write_atomically
+from symshrec.files.predictions import WHOLE
+from symshrec.reporting.figures.figures import make_result_figures
+from symshrec.reporting.tables.compared import compare_runs
+from symshrec.reporting.tables.published_tables import write_tables
+from symshrec.reporting.tables.refinement import write_refinement
+from symshrec.reporting.tables.results import is_oracle, provenance
+from symshrec.reporting.tables.rows import METRICS_FILE, Rows, find_rows
+from symshrec.runs.config import so3_rows, table_rows
+from symshrec.runs.evaluate import datamodule_of
+from symshrec.runs.stores import PREDICTIONS, lacking
+
+RECORD = "rows.json"  # beside the tables: the runs they were made of
+PUBLISHED = ("config.yaml", METRICS_FILE)  # of each run
+
+
+@dataclass(frozen=True)
+class Tabulated:
+    """files: written. text: the tables, to print. remarks: one line for each run that is in no table."""
+
+    files: list[Path]
+    text: str
+    remarks: list[str]
+
+
+def tabulate(config: DictConfig) -> Tabulated:
+    """Write the tables and figures of all finished runs on `config.data` into `config.paths.tables`.
+
+    P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any.
+
+    Raises:
+        ValueError: where nothing has run yet, naming the command; for runs on another version of the data, for a
+            damaged metrics.json, and for runs whose predictions are gone, naming the runs.
+    """
+    data, folder = _name(config), Path(config.paths.tables)
+    split = datamodule_of(config).split(config.data.test_split)
+    main = _with_predictions(_rows(config, data, table_rows(config), split.fingerprint), table_rows(config))
+    if not main.results:
+        raise ValueError(
+            f"no finished run in {main.folder}; python experiments/evaluate.py --multirun sweep=tables "
+            f"data={config.data.name} makes them"
+        )
+    hard = _rows(config, config.data.hard, table_rows(config))
+    so3 = _rows(config, f"{config.data.name}-so3", so3_rows(config))
+    apart = {"main": main, "hard": hard, "so3": so3}
+    results = list(main.results.values())
+    files, text = write_tables(
+        results,
+        folder,
+        hard=list(hard.results.values()),
+        so3=list(so3.results.values()),
+        missing={name: rows.missing for name, rows in apart.items()},
+    )
+    paths = {name: main.folder / name / PREDICTIONS / WHOLE for name in main.results}
+    compared = compare_runs(paths, split)
+    compared = {name: replace(each, name=main.results[name]["name"]) for name, each in compared.items()}
+    refined, refinement = write_refinement(compared, folder, provenance(results))
+    searched = [each for name, each in compared.items() if not is_oracle(main.results[name])]
+    files += refined + make_result_figures(results, folder, searched)
+    _record(folder, files, apart.values())
+    remarks = [f"left out: {line}" for rows in apart.values() for line in rows.left_out]
+    if main.missing:
+        remarks.append(f"not run, so left out: {', '.join(main.missing)}")
+    return Tabulated(files, "\n".join(filter(None, (text, refinement))), remarks)
+
+
+def publish(config: DictConfig) -> list[Path]:
+    """Copy the tables and figures of `config.data`, and config.yaml and metrics.json of each row, into results/<data>/.
+
+    Of the runs in `rows.cards`, which are in no table, those that have ended are copied too.
+
+    Returns:
+        The files written.
+
+    Raises:
+        ValueError: where there are no tables, or a run was evaluated anew since they were made; nothing is copied then.
+    """
+    runs, results, tables = Path(config.paths.runs), Path(config.paths.results), Path(config.paths.tables)
+    data, again = _name(config), f"make them with python experiments/tables.py data={config.data.name}"
+    try:
+        record = json.loads((tables / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ValueError(f"no tables to publish in {tables}; {again}") from error
+    changed = [run for run, sha256 in record["runs"].items() if _sha256(runs / run / METRICS_FILE) != sha256]
+    changed += [str(tables / name) for name in record["files"] if not (tables / name).exists()]
+    if changed:
+        raise ValueError(f"changed since the tables in {tables} were made: {', '.join(changed)}; {again}")
+    cards = (f"{data}/{name}" for name in config.rows.cards)
+    published = [*record["runs"], *(run for run in cards if (runs / run / METRICS_FILE).exists())]
+    copies = {results / data / name: tables / name for name in record["files"]}
+    copies |= {results / run / name: runs / run / name for run in published for name in PUBLISHED}
+    for target, source in copies.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_atomically(target, source.read_bytes())
+    return list(copies)
+
+
+def _name(config: DictConfig) -> str:
+    return f"{config.data.name}{config.data.variant}"
+
+
+def _rows(config: DictConfig, data: str, listed: Sequence[str], manifest: str | None = None) -> Rows:
+    return find_rows(Path(config.paths.runs) / data, listed, config.rows.cards, manifest)
+
+
+def _with_predictions(rows: Rows, listed: Sequence[str]) -> Rows:
+    """The rows whose predictions are there and whole.
+
+    Raises:
+        ValueError: naming the listed ones that are not among them.
+    """
+    lacks = {}
+    for name, result in rows.results.items():
+        if lack := lacking(rows.folder / name, result.get("key"), result["data"]["clouds"]):
+            lacks[name] = lack
+    if gone := [lack for name, lack in lacks.items() if name in listed]:
+        raise ValueError(
+            f"{'; '.join(gone)}; evaluate {', '.join(name for name in lacks if name in listed)} again, which predicts "
+            "the missing clouds only"
+        )
+    kept = {name: result for name, result in rows.results.items() if name not in lacks}
+    left_out = [f"{lack}; evaluate {name} again" for name, lack in lacks.items()]
+    return replace(rows, results=kept, left_out=rows.left_out + left_out)
+
+
+def _record(folder: Path, files: Sequence[Path], apart: Sequence[Rows]) -> None:
+    runs = {
+        f"{rows.folder.name}/{name}": _sha256(rows.folder / name / METRICS_FILE)
+        for rows in apart
+        for name in rows.results
+    }
+    record = {"runs": runs, "files": [path.relative_to(folder).as_posix() for path in files]}
+    write_atomically(folder / RECORD, (json.dumps(record, indent=1) + "\n").encode())
+
+
+def _sha256(path: Path) -> str | None:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
