@@ -112,6 +112,12 @@ def test_predictions_of_other_settings_are_kept_aside_and_taken_back(smoke_confi
     assert {path.name for path in folder.glob("predictions*")} == {"predictions", f"predictions.{other['key'][:12]}"}
 
 
+def test_the_times_of_other_settings_do_not_count(smoke_config):
+    evaluate(smoke_config(*CHEAP))
+    (Path(smoke_config().folder) / "predictions" / "predictions.safetensors").unlink()
+    assert evaluate(smoke_config(*CHEAP, "method.neighbours=60"))["seconds"]["detected_clouds"] == 12
+
+
 def test_predictions_that_tell_nothing_of_their_settings_are_kept_aside(smoke_config):
     place = Path(smoke_config().folder) / "predictions"
     PredictionStore(place, "a" * 64).append([0], [0], [Planes(np.eye(3)[:1], np.zeros((1, 3)))])
