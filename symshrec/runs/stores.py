@@ -38,11 +38,11 @@ def open_store(folder: Path, identity: dict) -> PredictionStore:
         OSError: where a folder cannot be made or moved.
     """
     key, place = digest(identity), folder / PREDICTIONS
-    there = stored_keys(place)
+    there = stored_keys(place) or {digest(each) for each in _recorded(place)}
     if there - {key}:
         aside = _set_aside(place, min(there - {key}))
         log.warning("%s: %s; its predictions are kept in %s", folder, "; ".join(_changes(aside, identity)), aside)
-    if key not in there and (kept := find_store(folder, key)):
+    if there != {key} and (kept := find_store(folder, key)):
         if place.exists():  # and holds no predictions
             _set_aside(place, "empty")
         kept.rename(place)
@@ -107,11 +107,18 @@ def _move(names: Sequence[str], source: Path, target: Path) -> None:
 
 def _changes(place: Path, identity: dict) -> list[str]:
     """In which settings the predictions in a folder differ from those asked for."""
+    phrases = [each for stored in _recorded(place) for each in differences(stored, identity)]
+    changes = [f"stored run differs in {each}" for each in phrases]
+    return changes or ["stored run does not record its settings and is not this one"]
+
+
+def _recorded(place: Path) -> list[dict]:
+    """The identity recorded beside predictions; none where there is none that can be read."""
     try:
         stored = json.loads((place / IDENTITY).read_text(encoding="utf-8"))
-        return [f"stored run differs in {each}" for each in differences(stored, identity)]
-    except (OSError, ValueError, AttributeError):
-        return ["stored run does not record its settings and is not this one"]
+    except (OSError, ValueError):
+        return []
+    return [stored] if isinstance(stored, dict) else []
 
 
 def _short(key: str) -> str:

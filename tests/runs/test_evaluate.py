@@ -19,6 +19,7 @@ from symshrec.runs.evaluate import datamodule_of, evaluate
 
 ROOT = Path(__file__).parents[2]
 CHEAP = ["data.limit=12", "data.batch_size=4"]
+FREE = [*CHEAP, "method=truth", "method.refine=false", "tensorboard.enabled=false"]  # detects nothing
 
 
 def values(result: dict) -> list[tuple]:
@@ -112,16 +113,22 @@ def test_predictions_of_other_settings_are_kept_aside_and_taken_back(smoke_confi
     assert {path.name for path in folder.glob("predictions*")} == {"predictions", f"predictions.{other['key'][:12]}"}
 
 
+def test_the_times_of_other_settings_do_not_count(smoke_config):
+    evaluate(smoke_config(*FREE))
+    (Path(smoke_config().folder) / "predictions" / "predictions.safetensors").unlink()
+    assert evaluate(smoke_config(*FREE, "method.angle_deg=1"))["seconds"]["detected_clouds"] == 12
+
+
 def test_predictions_that_tell_nothing_of_their_settings_are_kept_aside(smoke_config):
     place = Path(smoke_config().folder) / "predictions"
     PredictionStore(place, "a" * 64).append([0], [0], [Planes(np.eye(3)[:1], np.zeros((1, 3)))])
-    assert evaluate(smoke_config(*CHEAP))["seconds"]["detected_clouds"] == 12
+    assert evaluate(smoke_config(*FREE))["seconds"]["detected_clouds"] == 12
     assert PredictionStore(place.with_name("predictions.aaaaaaaaaaaa"), "a" * 64).done() == {0}
 
 
 @pytest.mark.parametrize("harm", ["gone", "cut", "folder gone", "some clouds only"])
 def test_a_finished_run_without_whole_predictions_makes_what_is_missing(smoke_config, harm):
-    first = evaluate(smoke_config(*CHEAP))
+    first = evaluate(smoke_config(*FREE))
     place = Path(smoke_config().folder) / "predictions"
     path, missing = place / "predictions.safetensors", 12
     if harm == "gone":
@@ -134,7 +141,7 @@ def test_a_finished_run_without_whole_predictions_makes_what_is_missing(smoke_co
         whole, missing = load_predictions(path), 5
         few = take_clouds(whole.planes, np.arange(7))
         save_predictions(path, whole.positions[:7], whole.ids[:7], few, {"key": first["key"]})
-    again = evaluate(smoke_config(*CHEAP))
+    again = evaluate(smoke_config(*FREE))
     assert values(again) == values(first)
     assert len(load_predictions(path).positions) == 12
     before = 0 if harm == "folder gone" else 12
@@ -143,15 +150,15 @@ def test_a_finished_run_without_whole_predictions_makes_what_is_missing(smoke_co
 
 @pytest.mark.parametrize("text", ["[]", "{}", '{"request_sha256": null}', "nonsense"])
 def test_a_damaged_record_is_written_anew(smoke_config, text):
-    first, path = evaluate(smoke_config(*CHEAP)), Path(smoke_config().folder) / "metrics.json"
+    first, path = evaluate(smoke_config(*FREE)), Path(smoke_config().folder) / "metrics.json"
     path.write_text(text)
-    assert values(evaluate(smoke_config(*CHEAP))) == values(first) == values(json.loads(path.read_text()))
+    assert values(evaluate(smoke_config(*FREE))) == values(first) == values(json.loads(path.read_text()))
 
 
 def test_a_partial_run_is_not_taken_for_a_finished_one(smoke_config):
-    partial = evaluate(smoke_config(*CHEAP, "+trainer.limit_test_batches=2"))
+    partial = evaluate(smoke_config(*FREE, "+trainer.limit_test_batches=2"))
     assert (partial["partial"], partial["data"]["clouds"]) == (True, 8)
-    whole = evaluate(smoke_config(*CHEAP))
+    whole = evaluate(smoke_config(*FREE))
     assert (whole["partial"], whole["data"]["clouds"]) == (False, 12)
     assert whole["seconds"]["detected_clouds"] == 12
 
