@@ -39,7 +39,7 @@ def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Pa
         stop = min(start + CHUNK, len(clouds))
         path = folder / f"{kind.name}-{count}-{start:06d}.safetensors"
         indices = _read_chunk(path, digest)
-        if indices is None or len(indices) != stop - start:
+        if indices is None or indices.shape != (stop - start, count) or indices.dtype != np.uint32:
             indices = _draw(clouds, range(start, stop), kind, count, seed)
             partial = path.with_suffix(f".{os.getpid()}.partial")
             save_file({"indices": indices}, partial, metadata={"digest": digest})
@@ -55,8 +55,8 @@ def _read_chunk(path: Path, digest: str) -> np.ndarray | None:
         return None
     try:
         with safe_open(path, framework="numpy") as file:
-            return file.get_tensor("indices") if file.metadata().get("digest") == digest else None
-    except SafetensorError:
+            return file.get_tensor("indices") if (file.metadata() or {}).get("digest") == digest else None
+    except (SafetensorError, UnicodeDecodeError):
         return None
 
 
