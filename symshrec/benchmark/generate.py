@@ -27,7 +27,8 @@ from symshrec.benchmark.manifest import (
     read_request,
 )
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
-from symshrec.benchmark.shards import cloud_name, encode_shard
+from symshrec.benchmark.shard_file import MappedShard, encode_shard
+from symshrec.benchmark.shards import cloud_name
 from symshrec.benchmark.surfaces import draw_pose, draw_shape
 from symshrec.files.atomic import ShardError, remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.files.foreign import parse_json
@@ -161,9 +162,12 @@ def _recorded(root: Path, task: _Task) -> ShardRecord | None:
     """The sidecar's record of a shard, None where there is no valid one."""
     try:
         record = ShardRecord(**parse_json((root / _sidecar(task.file)).read_bytes()))
+        if (record.file, record.split, record.first, record.clouds) != tuple(asdict(task).values()):
+            return None
+        MappedShard(root / record.file, record)  # the manifest will repeat the record's counts: they must be right
     except (OSError, ValueError, TypeError):
         return None
-    return record if (record.file, record.split, record.first, record.clouds) == tuple(asdict(task).values()) else None
+    return record
 
 
 def _estimate(config: BenchmarkConfig, tasks: list[_Task]) -> int:

@@ -39,7 +39,7 @@ def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Pa
         stop = min(start + CHUNK, len(clouds))
         path = folder / f"{kind.name}-{count}-{start:06d}.safetensors"
         indices = _read_chunk(path, digest)
-        if indices is None or len(indices) != stop - start:
+        if indices is None or indices.shape != (stop - start, count) or indices.dtype != np.uint32:
             indices = _draw(clouds, range(start, stop), kind, count, seed)
             checked = {"digest": digest, "sha256": hashlib.sha256(indices).hexdigest()}
             write_atomically(path, save({"indices": indices}, checked))

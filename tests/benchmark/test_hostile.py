@@ -237,6 +237,15 @@ def test_arrays_beyond_the_file(root):
         assert "points" in refusal(root, SHARD)
 
 
+def test_a_sidecar_with_other_counts_makes_no_manifest(root):
+    wanted = (root / "manifest.json").read_text()
+    record = json.loads(wanted)["shards"][0]
+    (root / "manifest.json").unlink()
+    (root / "test-00000.json").write_text(json.dumps({**record, "points": record["points"] + 1}))
+    generate_dataset(CONFIG, root, workers=1, progress=False)
+    assert (root / "manifest.json").read_text() == wanted
+
+
 @pytest.mark.parametrize("text", ["[]", "null", "{}", '{"config": null}', '{"config": {}}', "[" * 100_000])
 def test_a_request_or_sidecar_of_nonsense(text, root):
     wanted = (root / "manifest.json").read_text()
