@@ -82,7 +82,7 @@ def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_pa
     process = subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 400
     while len(list((runs / "predictions").glob("part-*"))) < 3 and time.monotonic() < deadline:
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGKILL)

@@ -106,10 +106,10 @@ def test_killed_within_a_long_round_a_training_ends_with_the_same_weights(tiny, 
     command = [sys.executable, "experiments/train.py", *overrides, "train.checkpoint_minutes=0"]
     process = subprocess.Popen(command, cwd=ROOT, env=os.environ | {"OMP_NUM_THREADS": "1"})
     try:
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 400
         while not (folder / "previous.ckpt").exists():
             assert process.poll() is None, "ended before its second checkpoint"
-            assert time.monotonic() < deadline, "no checkpoint in two minutes"
+            assert time.monotonic() < deadline, "no second checkpoint in time"
             time.sleep(0.01)
     finally:
         process.send_signal(signal.SIGKILL)
