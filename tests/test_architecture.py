@@ -8,6 +8,8 @@ import tomllib
 import zipfile
 from pathlib import Path
 
+import symshrec
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -37,6 +39,11 @@ def rooms() -> list[Path]:
     """What lies at the top of the package, but for what every package has there."""
     usual = {"__init__.py", "__main__.py", "py.typed", "__pycache__"}
     return [path for path in (ROOT / "symshrec").iterdir() if path.name not in usual]
+
+
+def test_the_version_moves_everywhere_at_once():
+    assert f"\nversion: {symshrec.__version__}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"\n## [{symshrec.__version__}]" in (ROOT / "CHANGELOG.md").read_text()
 
 
 def test_an_editable_install_leaves_a_path_and_its_metadata_alone(tmp_path):
