@@ -5,6 +5,7 @@ WORKERS ?= $(shell $(PYTHON) -c "import os; print(os.cpu_count())")
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
+INSTALL := $(BIN)/python -m pip install --quiet --no-deps --no-build-isolation
 # The data of P6–P9 that stands beside this scale's tables; data.hard of conf/data says so too.
 HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
 
@@ -13,12 +14,18 @@ HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml constraints.txt
+# Every file is held against its hash. setuptools comes first because antlr4, which has no wheel, is built with it. What
+# is still missing then are CUDA's libraries, where PyTorch's build wants them.
+$(STAMP): pyproject.toml constraints.txt constraints-cuda.txt
 	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'symshrec needs Python 3.11 or newer; name one with make PYTHON=…')"
 	@echo "Setting up $(VENV): PyTorch and all that stands on it, a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt torch
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[dev]'
+	sed -n '/^setuptools==/,/[^\\]$$/p' constraints.txt > $(VENV)/setuptools.txt
+	$(INSTALL) --require-hashes --requirement $(VENV)/setuptools.txt
+	$(INSTALL) --require-hashes --requirement constraints.txt
+	$(INSTALL) --editable .
+	$(BIN)/python -m pip check > $(VENV)/missing.txt || $(INSTALL) --require-hashes --requirement constraints-cuda.txt
+	$(BIN)/python -m pip check
 	touch $@
 
 test: setup
@@ -28,6 +35,7 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/mypy
 
 # Verifies what is there and makes what is missing; killed at any moment, it goes on where it was.
 data: setup

@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 _HOMES = {"Planes": "planes", "TensorPlanes": "api", "detect": "api"}  # imported when first asked for
 
 __all__ = ["Planes", "TensorPlanes", "__version__", "detect"]

@@ -24,7 +24,7 @@ class Planes:
 
     normals: np.ndarray
     points: np.ndarray
-    confidences: np.ndarray | None = None
+    confidences: np.ndarray = None  # type: ignore[assignment]  # ones where none are given
 
     def __post_init__(self):
         normals = np.asarray(self.normals, dtype=np.float64)

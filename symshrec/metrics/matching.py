@@ -81,8 +81,8 @@ def match_planes(predicted: PackedPlanes, truth: PackedPlanes, diagonals, thetas
     candidate_words = _CandidateWords.of(limits, epsilons)
     found = []
     for first, last in chunks(predicted.counts * truth.counts, PAIRS_PER_CHUNK):
-        rows = slice(predicted.starts[first], predicted.starts[last])
-        rows, clouds, row_ranks = ranking[rows], cloud_of_row[rows], ranks[rows]
+        here = slice(predicted.starts[first], predicted.starts[last])
+        rows, clouds, row_ranks = ranking[here], cloud_of_row[here], ranks[here]
         loosest = limits.max(), epsilons.max()
         places, true_rows, angular, offset = _near_pairs(predicted, truth, rows, clouds, diagonals, *loosest)
         candidates = candidate_words(angular, offset, diagonals[clouds[places]])
@@ -90,8 +90,8 @@ def match_planes(predicted: PackedPlanes, truth: PackedPlanes, diagonals, thetas
         kept = np.flatnonzero(won.any(axis=1))
         places = places[kept]
         found.append((clouds[places], row_ranks[places], rows[places], true_rows[kept], won[kept]))
-    columns = (np.concatenate(column) for column in zip(*found, strict=True))
-    return Matches(*columns, thetas_deg, epsilons)
+    clouds, row_ranks, rows, true_rows, words = (np.concatenate(column) for column in zip(*found, strict=True))
+    return Matches(clouds, row_ranks, rows, true_rows, words, thetas_deg, epsilons)
 
 
 def plane_errors(predicted: PackedPlanes, truth: PackedPlanes, diagonals, theta_deg=1.0, epsilon=0.01) -> PlaneErrors:

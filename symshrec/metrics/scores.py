@@ -117,7 +117,7 @@ def evaluate(
         recall_aware[:, here] = total / np.maximum(true_counts[here], 1)
         recall[:, here] = matched / np.maximum(true_counts[here], 1)
         first_right[:, here] = (ranks[:1] == 1).any(axis=0)
-        if curves:
+        if curve is not None:
             curve[:, :, here] = _interpolated(precisions, matched, true_counts[here])
     counts = _counts(predicted, count_threshold)
     for values in (recall_aware, recall):
@@ -126,10 +126,13 @@ def evaluate(
         matches.thetas_deg,
         matches.epsilons,
         float(count_threshold),
-        *(values.reshape(*grid, clouds) for values in (precision, recall_aware, first_right, recall)),
+        precision.reshape(*grid, clouds),
+        recall_aware.reshape(*grid, clouds),
+        first_right.reshape(*grid, clouds),
+        recall.reshape(*grid, clouds),
         counts == true_counts,
         true_counts,
-        np.moveaxis(curve.reshape(RECALL_BINS, *grid, clouds), 0, -1) if curves else None,
+        None if curve is None else np.moveaxis(curve.reshape(RECALL_BINS, *grid, clouds), 0, -1),
     )
 
 

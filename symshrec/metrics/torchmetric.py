@@ -79,11 +79,9 @@ class SymmetryMetric(Metric):
             raise ValueError(
                 f"the truth of cloud {withheld[0]} is withheld; only clouds with true planes can be scored"
             )
-        predicted, truth = PackedPlanes.pack(predicted), PackedPlanes.pack(truth)
-        clouds = np.stack([np.asarray(positions, dtype=np.int64), predicted.counts, truth.counts], axis=1)
-        self._append(
-            clouds=clouds, diagonals=diagonals, names=_names(labels), predicted=_rows(predicted), true=_rows(truth)
-        )
+        found, true = PackedPlanes.pack(predicted), PackedPlanes.pack(truth)
+        clouds = np.stack([np.asarray(positions, dtype=np.int64), found.counts, true.counts], axis=1)
+        self._append(clouds=clouds, diagonals=diagonals, names=_names(labels), predicted=_rows(found), true=_rows(true))
 
     def _append(self, **values) -> None:
         for name, (_, dtype) in STATES.items():
@@ -112,11 +110,11 @@ class SymmetryMetric(Metric):
         super()._sync_dist(*args, **kwargs)
 
     def _evaluate(self) -> tuple[Scores, list[Labels], np.ndarray]:
-        states = {}
+        gathered = {}
         for name, none in _no_clouds().items():
             state = getattr(self, name)  # a list of tensors, or one tensor once gathered
-            states[name] = dim_zero_cat([none.to(self.device), *(state if isinstance(state, list) else [state])])
-        states = {name: state.cpu().numpy() for name, state in states.items()}
+            gathered[name] = dim_zero_cat([none.to(self.device), *(state if isinstance(state, list) else [state])])
+        states = {name: state.cpu().numpy() for name, state in gathered.items()}
         positions, chosen = np.unique(states["clouds"][:, 0], return_index=True)
         predicted, truth = (
             take_clouds(_packed(states[name], states["clouds"][:, column]), chosen)

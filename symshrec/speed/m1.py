@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -89,7 +90,7 @@ def _detection(method: M1, clouds: Sequence[LabelledCloud], batch: SampledBatch)
         yield Timing(f"M1 ({size}), clusters alone, a cloud, against scikit-learn's on all predictions (published: "
                      f"{PUBLISHED_REST})", f"{ours:.1f} ms", f"{other:.0f} ms", other / ours)  # fmt: skip
     whole = 1e3 * float(
-        np.median([seconds_of(lambda p=each: method.detect(torch.from_numpy(p.points))) for each in clouds])
+        np.median([seconds_of(partial(method.detect, torch.from_numpy(each.points))) for each in clouds])
     )
     yield Timing(f"M1 ({size}), median a cloud alone with its sampling, against the published time",
                  f"{whole:.1f} ms", "119 ms with a GPU", 119 / whole)  # fmt: skip

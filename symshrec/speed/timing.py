@@ -4,6 +4,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -57,7 +58,7 @@ def generator_timings(config: BenchmarkConfig, folder: Path, workers: int) -> It
     made = seconds_of(lambda: generate_dataset(config, folder / "shards", workers, progress=False))
     shards = sorted((folder / "shards").glob("*.safetensors"))
     contents = [path.read_bytes() for path in shards]
-    written = seconds_of(lambda: [_write(folder / f"copy-{n}", data) for n, data in enumerate(contents)])
+    written = seconds_of(lambda: _write_all(folder, contents))
     split = ShardedSplit(folder / "shards", next(iter(config.splits)))
     few = [split[position] for position in range(min(42, len(split)))]
     text = seconds_of(lambda: write_track(few, folder / "text")) / len(few)
@@ -70,10 +71,11 @@ def generator_timings(config: BenchmarkConfig, folder: Path, workers: int) -> It
                  f"{ours:.0f} clouds/s", f"{workers / text:.0f} clouds/s", ours * text / workers)  # fmt: skip
 
 
-def _write(path: Path, data: bytes) -> None:
-    with open(path, "wb") as file:
-        file.write(data)
-        os.fsync(file.fileno())
+def _write_all(folder: Path, contents: Sequence[bytes]) -> None:
+    for number, data in enumerate(contents):
+        with open(folder / f"copy-{number}", "wb") as file:
+            file.write(data)
+            os.fsync(file.fileno())
 
 
 def scoring_timing(clouds: int = 9000, plain_clouds: int = 60) -> Timing:
@@ -151,7 +153,7 @@ def _seconds_each(find: Callable[[Tensor], object], clouds: Sequence[LabelledClo
     points = [torch.from_numpy(cloud.points) for cloud in clouds]
     with threadpool_limits(1), one_thread():
         find(points[0])
-        return np.array([seconds_of(lambda p=each: find(p)) for each in points])
+        return np.array([seconds_of(partial(find, each)) for each in points])
 
 
 def _medians(what: str, ours: np.ndarray, other: np.ndarray) -> Timing:

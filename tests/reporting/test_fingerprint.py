@@ -32,6 +32,15 @@ def test_distance_is_the_root_mean_square_over_the_26_cells_of_tables_3_and_4():
     assert distance(result_off_by(0.1, ("P0",))) == pytest.approx(math.sqrt(2 * 0.1**2 / 26))
 
 
+def test_a_group_without_a_cloud_is_named():
+    result = result_off_by(0.0)
+    for score in result["scores"]:
+        if score["group"] == "P5":
+            score["value"] = None
+    with pytest.raises(ValueError, match="no cloud of group P5"):
+        distance(result)
+
+
 def test_the_nearest_alternative_comes_first():
     finished = {"far": ("all off", result_off_by(0.05)), "near": ("one off", result_off_by(0.05, ("egg_keplero",)))}
     printed = markdown(fingerprint_grid(finished))

@@ -148,7 +148,7 @@ def _parse_decimals(characters: np.ndarray, starts: np.ndarray, ends: np.ndarray
             digit = np.where(whole > power - decimals, digits[points - 1 - (power - decimals)], 0)
         if digit.max() > 9:
             return None
-        mantissas += digit * np.int64(10**power)
+        mantissas += np.multiply(digit, 10**power, dtype=np.int64)
     numbers = mantissas / 10.0**decimals
     return np.where(negative, -numbers, numbers)
 

@@ -105,7 +105,7 @@ def draw_cloud(
         colours += (1 - (1 - 1.6 * alpha) ** behind)[:, None] * (np.array(to_rgb(colour)) - colours)
         outlines += _draw_planes(ax, layer, bounds, directions, colour, alpha)
     flat = shown @ directions[:2].T
-    ax.scatter(*flat.T, s=size, c=np.clip(colours, 0, 1), linewidths=0, zorder=2)
+    ax.scatter(flat[:, 0], flat[:, 1], s=size, c=np.clip(colours, 0, 1), linewidths=0, zorder=2)
     drawn = np.concatenate([flat, *outlines])
     low, high = drawn.min(axis=0), drawn.max(axis=0)
     half = max(0.51 * (high - low).max(), 1e-6)

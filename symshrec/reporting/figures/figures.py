@@ -2,9 +2,10 @@
 
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -92,7 +93,7 @@ def gallery(seed: int = 2023) -> Figure:
     for row, solid in zip(axes, SOLIDS, strict=True):
         for number, (ax, cloud) in enumerate(zip(row, gallery_clouds(solid, seed), strict=True), 1):
             name = f"S{number} {cloud.labels.family.replace('_', ' ')}\n" if solid == SOLIDS[0] else ""
-            count = len(cloud.planes)
+            count = len(cloud.planes or ())
             title = f"{name}{solid}: {count} plane{'s' if count > 1 else ''}"
             draw_cloud(ax, cloud.points, cloud.planes, title=title)
     return figure
@@ -122,7 +123,7 @@ def perturbations(names: Sequence[str], seed: int = 2023) -> Figure:
     return figure
 
 
-def draw_precision_recall(ax: Axes, curves: dict[str, Sequence[float]]) -> None:
+def draw_precision_recall(ax: Axes, curves: Mapping[str, Sequence[float] | np.ndarray]) -> None:
     """Interpolated precision at recall 0, 0.1 … 1, each curve (11,) labelled by its name."""
     for (name, precision), style in zip(curves.items(), _styles(len(curves)), strict=True):
         ax.plot(RECALLS, precision, **style, marker="o", markersize=3.5, label=name)
@@ -189,7 +190,7 @@ def _colours(count: int) -> list[str]:
     return [COLOURS[i % len(COLOURS)] for i in range(count)]
 
 
-def _styles(count: int) -> list[dict[str, str]]:
+def _styles(count: int) -> list[dict[str, Any]]:
     """A colour each, and another dash once the colours begin again."""
     return [{"color": colour, "linestyle": DASHES[i // len(COLOURS) % 3]} for i, colour in enumerate(_colours(count))]
 

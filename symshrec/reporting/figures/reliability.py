@@ -43,8 +43,8 @@ def reliability(run: Compared, theta_deg: float = THETA_DEG, epsilon: float = EP
     right[plane_errors(run.predicted, run.truth, run.diagonals, theta_deg, epsilon).predictions] = 1
     places = np.minimum((confidences * bins).astype(int), bins - 1)
     counts = np.bincount(places, minlength=bins)
-    means = [
+    confidence, correct = (
         np.divide(np.bincount(places, each, bins), counts, out=np.full(bins, np.nan), where=counts > 0)
         for each in (confidences, right)
-    ]
-    return Reliability(run.name, *means, counts)
+    )
+    return Reliability(run.name, confidence, correct, counts)

@@ -54,6 +54,8 @@ class TensorBoardResults(Callback):
 
     def on_test_end(self, trainer: Trainer, pl_module: SymmetryMethod) -> None:
         """Score what was seen and log it. Every process takes part in the scoring, the first one writes."""
+        if pl_module.test_metric is None:
+            return
         scores, labels, _ = pl_module.test_metric.evaluation()
         if not trainer.is_global_zero:
             return
@@ -110,7 +112,7 @@ class TensorBoardTraining(Callback):
 
 def _planes(batch: Batch, row: int, counted: Planes) -> Figure:
     figure = Figure(figsize=(5, 5), layout="constrained")
-    true = Planes.empty() if batch.truth[row] is None else batch.truth[row]
+    true = batch.truth[row] or Planes.empty()
     title = f"{batch.names[row]}, {len(true)} true, {len(counted)} predicted"
     draw_cloud(figure.subplots(), batch.clouds[row].cpu().numpy(), true, counted, title=title)
     return figure

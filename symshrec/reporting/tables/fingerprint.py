@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from symshrec.reporting.tables.published import published_cells
-from symshrec.reporting.tables.results import find_score
+from symshrec.reporting.tables.results import find_score, source
 from symshrec.reporting.tables.typeset import Grid, Text
 
 COLUMNS = ("all", "P0", "P1", "P2", "P3", "P4", "P5", "astroid", "egg_keplero", "lemniscate_bernoulli")
@@ -16,9 +16,16 @@ def profile(method: str) -> dict[tuple[str, str], float]:
 
 
 def distance(result: dict, method: str = "M3 (R1)") -> float:
-    """Root mean square difference between a run and a method's published Tables 3 and 4, all cells alike."""
-    published = profile(method)
-    squares = [(find_score(result, *cell) - value) ** 2 for cell, value in published.items()]
+    """Root mean square difference between a run and a method's published Tables 3 and 4, all cells alike.
+
+    Raises:
+        ValueError: naming file, metric and group, where the run saw no cloud of a group or lacks a score.
+    """
+    squares = []
+    for (metric, group), value in profile(method).items():
+        if (score := find_score(result, metric, group)) is None:
+            raise ValueError(f"{source(result)} saw no cloud of group {group}; evaluate the whole split")
+        squares.append((score - value) ** 2)
     return math.sqrt(sum(squares) / len(squares))
 
 

@@ -6,7 +6,7 @@ from functools import cache
 from importlib.resources import files
 from types import MappingProxyType
 
-Key = tuple[int, str, str, str]  # table, method, metric, group
+Key = tuple[int | str, str, str, str]  # table, method, metric, group
 
 
 @cache

@@ -1,6 +1,6 @@
 """What a refinement does to the planes of a method: angle and offset errors of the same planes before and after."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from symshrec.reporting.tables.typeset import Grid, Text
 
 REFINED = "_refine"  # ends the folder name of a run with refinement
 THETA_DEG, EPSILON = 5.0, 0.05  # loose, so that a plane is found again however much it moved
-STATISTICS = {"median": np.median, "mean": np.mean}
+STATISTICS: dict[str, Callable] = {"median": np.median, "mean": np.mean}
 QUANTITIES = ("angle", "offset")
 COLUMNS = ("method", "group", "planes", "lost", "gained", "quantity", "statistic", "before", "after")
 
@@ -42,7 +42,7 @@ def refinement_errors(before: Compared, after: Compared) -> Refinement:
     """
     found = [plane_errors(run.predicted, run.truth, run.diagonals, THETA_DEG, EPSILON) for run in (before, after)]
     true_planes = [each.true_planes for each in found]
-    _, *rows = np.intersect1d(*true_planes, return_indices=True)
+    _, *rows = np.intersect1d(true_planes[0], true_planes[1], return_indices=True)
     lost, gained = (~np.isin(own, other) for own, other in (true_planes, true_planes[::-1]))
     pairs = list(zip(found, rows, strict=True))
     return Refinement(

@@ -1,5 +1,7 @@
 """§3.1 M1 as the paper words it, cloud by cloud in single precision, without the shortcuts of `methods.m1`."""
 
+from typing import Any
+
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -16,6 +18,8 @@ class PlainPCT(nn.Module):
     Args:
         network: an M1Network with PCT, whose weights are taken over.
     """
+
+    inner: Any  # an nn.Module, with its parts by name
 
     def __init__(self, network: nn.Module):
         super().__init__()
@@ -48,7 +52,7 @@ class PlainPCT(nn.Module):
         return F.normalize(said[0].view(count, -1, 3), dim=-1), said[1], said[2]
 
     @staticmethod
-    def _layer(layer: nn.Module, x: Tensor) -> Tensor:
+    def _layer(layer: Any, x: Tensor) -> Tensor:
         return torch.relu(layer.norm(layer.linear(x)))
 
 

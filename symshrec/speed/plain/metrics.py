@@ -52,7 +52,7 @@ def score_plainly(hits: Sequence[bool], true_count: int) -> dict:
 def evaluate_plainly(
     predicted: Sequence[Planes],
     truth: Sequence[Planes],
-    diagonals: Sequence[float],
+    diagonals: Sequence[float] | np.ndarray,
     theta_deg: float = 1.0,
     epsilon: float = 0.01,
 ) -> dict[str, np.ndarray]:
