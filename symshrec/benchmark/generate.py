@@ -21,6 +21,7 @@ from symshrec.benchmark.manifest import (
     MANIFEST,
     REQUEST,
     Manifest,
+    ShardError,
     ShardRecord,
     damages,
     json_text,
@@ -29,7 +30,7 @@ from symshrec.benchmark.manifest import (
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
 from symshrec.benchmark.shards import cloud_name, encode_shard
 from symshrec.benchmark.surfaces import draw_pose, draw_shape
-from symshrec.files.atomic import ShardError, remove_temporaries, require_room, sole_writer, write_atomically
+from symshrec.files.atomic import remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.files.processes import end_with_parent, main_left_out
 
 SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
@@ -74,7 +75,8 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
 
     Raises:
         ValueError: for a config that cannot be. ShardError: where the folder holds another config's shards, naming
-        each differing value, or another process writes there. DiskFullError: where the shards do not fit.
+        each differing value. FolderInUseError: where another process writes there. DiskFullError: where the shards do
+        not fit.
     """
     check_config(config)
     for split in config.splits:

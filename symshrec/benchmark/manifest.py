@@ -7,12 +7,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from symshrec.files.atomic import ShardError
 
 GENERATOR_VERSION = 2  # raised whenever the same config, or the defaults, would give other bytes
 MANIFEST = "manifest.json"
 REQUEST = "request.json"
 HASHING_THREADS = 4
+
+
+class ShardError(ValueError):
+    """A shard, or the folder of shards, is missing, damaged or another's; says which and how to mend it."""
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,13 @@ from collections import OrderedDict
 from pathlib import Path
 
 import numpy as np
-from safetensors.numpy import save
 
 from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud, Labels
-from symshrec.benchmark.manifest import Manifest, damages, read_manifest
-from symshrec.files.atomic import ShardError
+from symshrec.benchmark.manifest import Manifest, ShardError, damages, read_manifest
+from symshrec.files.tensors import save
 from symshrec.planes import Planes
 
-METADATA = "symshrec"  # a single key: safetensors does not keep several in a fixed order
+METADATA = "symshrec"  # the one key, which holds all as JSON
 DTYPES = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
 MAPPED_SHARDS = 160  # each holds one file descriptor
 

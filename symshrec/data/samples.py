@@ -1,16 +1,16 @@
 """Point samples of a split, drawn once and kept beside its clouds."""
 
 import hashlib
-import os
 from pathlib import Path
 
 import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save_file
 from tqdm import tqdm
 
 from symshrec.data.settings import SamplingKind
+from symshrec.files.atomic import write_atomically
+from symshrec.files.tensors import save
 from symshrec.geometry.sampling import farthest_point_sampling
 
 CHUNK = 256
@@ -41,9 +41,7 @@ def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Pa
         indices = _read_chunk(path, digest)
         if indices is None or len(indices) != stop - start:
             indices = _draw(clouds, range(start, stop), kind, count, seed)
-            partial = path.with_suffix(f".{os.getpid()}.partial")
-            save_file({"indices": indices}, partial, metadata={"digest": digest})
-            os.replace(partial, path)
+            write_atomically(path, save({"indices": indices}, {"digest": digest}), sync=False)
         chunks.append(indices)
         bar.update(stop - start)
     bar.close()

@@ -12,12 +12,12 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 TEMPORARY = ".{name}.{process}.partial"
 
 
-class ShardError(ValueError):
-    """A shard, or the folder of shards, is missing, damaged or another's; says which and how to mend it."""
+class FolderInUseError(ValueError):
+    """Another process writes in this folder; says which."""
 
 
 class DiskFullError(OSError):
-    """No room for a shard; says where and how much is needed."""
+    """No room for a file; says where and how much is needed."""
 
 
 def write_atomically(path: Path, data: bytes, sync: bool = True) -> None:
@@ -73,7 +73,7 @@ def sole_writer(root: Path) -> Iterator[None]:
     """Hold `root` (created where missing) against other writers; a kill releases it.
 
     Raises:
-        ShardError: where another process is writing there.
+        FolderInUseError: where another process is writing there.
     """
     root.mkdir(parents=True, exist_ok=True)
     folder = os.open(root, os.O_RDONLY)
@@ -82,7 +82,9 @@ def sole_writer(root: Path) -> Iterator[None]:
             try:
                 fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
-                raise ShardError(f"{root}: another process is generating here; wait for it or stop it") from None
+                raise FolderInUseError(
+                    f"{root}: another process is writing here; wait for it, or give another folder"
+                ) from None
         yield
     finally:
         os.close(folder)

@@ -16,8 +16,8 @@ from symshrec.benchmark.cloud import FAMILIES, PUBLISHED_PERTURBATIONS
 from symshrec.benchmark.config import BenchmarkConfig, HardConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.manifest import read_manifest
-from symshrec.benchmark.shards import ShardedSplit
-from symshrec.files.atomic import DiskFullError, ShardError, sole_writer
+from symshrec.benchmark.shards import ShardedSplit, ShardError
+from symshrec.files.atomic import DiskFullError, FolderInUseError, sole_writer
 
 
 def small_config(train=84, test=42, clouds_per_shard=21, points=640):
@@ -197,7 +197,7 @@ def test_a_folder_with_strange_shards_is_refused(tmp_path):
 
 
 def test_two_runs_never_write_into_one_folder(tmp_path):
-    with sole_writer(tmp_path), pytest.raises(ShardError, match="another process"):
+    with sole_writer(tmp_path), pytest.raises(FolderInUseError, match="another process"):
         generate_dataset(small_config(), tmp_path, workers=1, progress=False)
 
 

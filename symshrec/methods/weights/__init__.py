@@ -9,8 +9,10 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
+
+from symshrec.files.atomic import write_atomically
+from symshrec.files.tensors import save
 
 FORMAT = "symshrec weights 1"
 
@@ -84,6 +86,9 @@ def write_weights(
         method, network, training: see `Weights`; plain values.
         tensors: of the network.
         exact: names of matrices to keep in single precision.
+
+    Raises:
+        DiskFullError: where there is no room.
     """
     stored = {}
     for key, value in tensors.items():
@@ -91,10 +96,7 @@ def write_weights(
         stored[key] = value.half() if value.is_floating_point() and value.ndim > 1 and key not in exact else value
     about = {"format": FORMAT, "method": method, "network": json.dumps(network), "training": json.dumps(training)}
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    save_file(stored, partial, metadata=about)
-    partial.chmod(0o644)  # safetensors makes it readable to its owner alone
-    partial.replace(path)
+    write_atomically(path, save({key: value.numpy() for key, value in stored.items()}, about))
 
 
 def load_into(network: torch.nn.Module, weights: Weights) -> None:
