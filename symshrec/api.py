@@ -13,8 +13,9 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from torch import Tensor
 
+from symshrec.files.threads import one_thread
 from symshrec.methods import DEFAULT
-from symshrec.methods.detector import SETTINGS, Detector, one_thread, training_free
+from symshrec.methods.detector import SETTINGS, Detector, training_free
 from symshrec.methods.fit import refined
 from symshrec.planes import Planes
 from symshrec.runs.config import conf_folder, load, method_of

@@ -7,7 +7,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-
 GENERATOR_VERSION = 2  # raised whenever the same config, or the defaults, would give other bytes
 MANIFEST = "manifest.json"
 REQUEST = "request.json"

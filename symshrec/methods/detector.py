@@ -1,12 +1,10 @@
 """What `symshrec.detect` asks of a method, and M3 and M4 without Lightning, whose import takes longer than they do."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, Protocol
 
-import torch
 from torch import Tensor
 
 from symshrec.planes import Planes
@@ -53,18 +51,3 @@ def training_free(name: str, count_threshold: float, refine: bool, **settings) -
     home = import_module(f"symshrec.methods.{name}.pipeline")
     chosen = getattr(home, SETTINGS[name])(**settings)
     return TrainingFree(home.detect_planes, chosen, count_threshold, refine, name in ARRAYS)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Torch computes within on one thread.
-
-    The tensors of one cloud are too small for several to gain anything, and where other programs keep the cores busy
-    they wait for each other: M4 then takes 0.2 s on one thread, and up to 10 on two.
-    """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
