@@ -25,8 +25,9 @@ from symshrec.benchmark.manifest import (
     read_manifest,
 )
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
+from symshrec.benchmark.poses import draw_pose
 from symshrec.benchmark.shards import cloud_name, encode_shard
-from symshrec.benchmark.surfaces import draw_pose, draw_shape
+from symshrec.benchmark.surfaces import draw_shape
 from symshrec.files.atomic import remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.files.pool import ProcessPool, WorkerDiedError
 

@@ -75,8 +75,7 @@ def test_a_threads_own_number_stays_its_own(three_threads):
 
 def test_an_error_and_a_thread_begun_within_change_nothing(three_threads):
     with pytest.raises(ZeroDivisionError), one_thread():
-        assert new_threads_number() == 3
-        raise ZeroDivisionError
+        1 / (new_threads_number() - 3)
     assert (torch.get_num_threads(), new_threads_number()) == (3, 3)
 
 
@@ -106,7 +105,7 @@ def test_the_pool_without_processes_computes_on_one_thread(three_threads, worker
 
 def test_torch_is_not_imported_for_it():
     program = (
-        "import sys; from symshrec.files.threads import one_thread\nwith one_thread(): print('torch' in sys.modules)"
+        "import sys\nfrom symshrec.files.threads import one_thread\nwith one_thread(): print('torch' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
