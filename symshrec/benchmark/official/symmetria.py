@@ -67,7 +67,7 @@ def stem_of(cloud_id: int, labels: Labels) -> str:
 
 
 def read_compressed_points(path: Path) -> np.ndarray:
-    """The cloud of a `.xz` file: (N, 3) float32.
+    """The cloud of a `.xz` file: (N, 3) float64, as it stands there.
 
     Raises:
         OfficialFileError: for a file that does not unpack, and as `text.read_points` for what is in it.
