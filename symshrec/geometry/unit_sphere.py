@@ -12,7 +12,16 @@ SMALLEST = 1e-12  # radius that a cloud is divided by at least
 
 @dataclass(frozen=True, eq=False)
 class UnitSphere:
-    """Where B clouds lie (§3.1, step 1): centres (B, 1, 3) and radii (B, 1, 1) of their points about their mean."""
+    """Where B clouds lie (§3.1, step 1): centres (B, 1, 3) and radii (B, 1, 1) of their points about their mean.
+
+    >>> import torch
+    >>> clouds = torch.tensor([[[1.0, 0, 0], [5, 0, 0]]])
+    >>> frame = UnitSphere.of(clouds)
+    >>> frame.apply(clouds).tolist()
+    [[[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]]
+    >>> frame.restored([Planes([[1, 0, 0]], [[0, 0, 0]])])[0].points.tolist()
+    [[3.0, 0.0, 0.0]]
+    """
 
     centres: Tensor
     radii: Tensor
