@@ -2,7 +2,6 @@
 
 import functools
 import json
-from collections.abc import Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,16 +12,16 @@ from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from torch import Tensor
 
+from symshrec.files.threads import one_thread
+from symshrec.geometry.straight import blocks, is_straight
 from symshrec.methods import DEFAULT
-from symshrec.methods.detector import Detector, made, one_thread
+from symshrec.methods.detector import Detector, made
 from symshrec.methods.fit import refined
 from symshrec.methods.registry import check_method_name
 from symshrec.planes import Planes
 from symshrec.runs.config import load
 
 MOST_POINTS = 100_000  # that a method is given, unless told
-BLOCK = 65_536  # points of a larger cloud that are worked on at once, so that no second one of its size is held
-STRAIGHT = 1e-6  # of the spread: thinner in two directions, a cloud is a line; well above the rounding of float32
 
 
 class TensorPlanes(NamedTuple):
@@ -103,10 +102,9 @@ class Frame:
         if diagonal <= np.finfo(np.float64).tiny:
             raise ValueError(f"all points ({len(points)}) are in one place, which has no definite mirror planes")
         centre = low + (high - low) / 2
-        centroid = sum(block.sum(axis=0) for block in _blocks(points, centre, diagonal)) / len(points)
+        centroid = sum(block.sum(axis=0) for block in blocks(points, centre, diagonal)) / len(points)
         middle = centre + centroid * diagonal
-        spread = np.linalg.eigvalsh(sum(block.T @ block for block in _blocks(points, middle, diagonal)))
-        if spread[1] <= STRAIGHT**2 * spread[2]:
+        if is_straight(points, middle=middle, scale=diagonal):
             raise ValueError(
                 f"all points ({len(points)}) are on a straight line, and every plane through it mirrors them; give "
                 "points that spread in two directions or three"
@@ -124,12 +122,6 @@ class Frame:
         """Planes of the frame in the cloud's own coordinates, each through the foot of the centroid."""
         planes = planes.transformed(scale=self.diagonal, translation=-self.centroid).canonical()
         return planes.transformed(translation=self.centre + self.centroid)
-
-
-def _blocks(points: np.ndarray, middle: np.ndarray, scale: float) -> Iterator[np.ndarray]:
-    """The points about `middle` in units of `scale`, (BLOCK, 3) at a time."""
-    for start in range(0, len(points), BLOCK):
-        yield (points[start : start + BLOCK] - middle) / scale
 
 
 def named_method(name: str, **arguments) -> Detector:

@@ -20,6 +20,12 @@ class Planes:
 
     Raises:
         ValueError: naming the array and row, for a wrong shape, a value that is not finite or a zero normal.
+
+    >>> planes = Planes([[0, 0, 2], [1, 0, 0]], [[0, 0, 1], [0, 5, 0]], [0.5, 0.9])
+    >>> planes.normals.tolist(), planes.offsets.tolist()
+    ([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]], [1.0, 0.0])
+    >>> planes.ranked().confidences.tolist()
+    [0.9, 0.5]
     """
 
     normals: np.ndarray
@@ -78,15 +84,24 @@ class Planes:
         return Planes(normals, normals * np.einsum("kd,kd->k", normals, self.points)[:, None], self.confidences)
 
     def transformed(self, rotation=None, translation=None, scale: float = 1.0) -> "Planes":
-        """The planes of the cloud x ↦ scale · rotation x + translation; rotation (3, 3), translation (3,)."""
+        """The planes of the cloud x ↦ scale · rotation x + translation; rotation (3, 3), translation (3,).
+
+        >>> Planes([[1, 0, 0]], [[1, 0, 0]]).transformed(translation=[3, 0, 0], scale=2).offsets.tolist()
+        [5.0]
+        """
         rotation = np.eye(3) if rotation is None else np.asarray(rotation, dtype=np.float64)
         translation = np.zeros(3) if translation is None else np.asarray(translation, dtype=np.float64)
         points = scale * self.points @ rotation.T + translation
         return Planes(self.normals @ rotation.T, points, self.confidences)
 
     def mirror(self, points: np.ndarray) -> np.ndarray:
-        """(N, 3) points mirrored across every plane: (K, N, 3)."""
-        heights = np.asarray(points, dtype=np.float64) @ self.normals.T - self.offsets  # (N, K)
+        """(N, 3) points mirrored across every plane: (K, N, 3).
+
+        >>> Planes([[1, 0, 0]], [[1, 0, 0]]).mirror([[3, 4, 5]]).tolist()
+        [[[-1.0, 4.0, 5.0]]]
+        """
+        points = np.asarray(points, dtype=np.float64)
+        heights = points @ self.normals.T - self.offsets  # (N, K)
         return points[None] - 2 * heights.T[:, :, None] * self.normals[:, None, :]
 
 
@@ -95,6 +110,10 @@ class PackedPlanes:
     """The planes of C clouds end to end, for vectorised work and for files.
 
     normals (ΣK, 3), points (ΣK, 3), confidences (ΣK,), starts (C + 1,): cloud c owns rows starts[c]:starts[c + 1].
+
+    >>> packed = PackedPlanes.pack([Planes(np.eye(3), np.zeros((3, 3))), Planes.empty()])
+    >>> len(packed), packed.starts.tolist(), len(packed[0])
+    (2, [0, 3, 3], 3)
     """
 
     normals: np.ndarray
@@ -131,6 +150,10 @@ class PackedPlanes:
 
 
 def axis_angles(normals: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Angles in radians, [0, π/2], between unit normals (..., A, 3) and (..., B, 3), sign ignored: (..., A, B)."""
+    """Angles in radians, [0, π/2], between unit normals (..., A, 3) and (..., B, 3), sign ignored: (..., A, B).
+
+    >>> np.degrees(axis_angles(np.array([[1.0, 0, 0]]), np.array([[-1.0, 0, 0], [0, 1, 0]]))).tolist()
+    [[0.0, 90.0]]
+    """
     cross = np.linalg.norm(np.cross(normals[..., :, None, :], others[..., None, :, :]), axis=-1)
     return np.arctan2(cross, np.abs(normals @ np.swapaxes(others, -1, -2)))

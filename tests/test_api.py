@@ -8,8 +8,8 @@ import pytest
 import torch
 
 import symshrec
-from symshrec import api
-from symshrec.api import STRAIGHT, Frame, named_method
+from symshrec.api import Frame, named_method
+from symshrec.geometry.straight import STRAIGHT
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.detector import TrainingFree
 from symshrec.methods.settings import MethodSettings
@@ -189,7 +189,7 @@ def test_duplicates_change_no_plane():
 def test_a_large_cloud_is_measured_in_blocks(count, monkeypatch):
     points = box_points() @ ROTATION.T * [3, 1, 1] + [4.5e6, 5e5, 30.0]
     whole = Frame.of(points)
-    monkeypatch.setattr(api, "BLOCK", len(points) // count - 1)
+    monkeypatch.setattr("symshrec.geometry.straight.BLOCK", len(points) // count - 1)
     frame = Frame.of(points)
     np.testing.assert_array_equal(frame.centre, (points.min(axis=0) + points.max(axis=0)) / 2)
     assert frame.diagonal == np.linalg.norm(np.ptp(points, axis=0))

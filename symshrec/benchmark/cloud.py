@@ -41,7 +41,11 @@ class Labels:
 
 @dataclass(frozen=True, eq=False)
 class LabelledCloud:
-    """points (N, 3) float32, true planes (None where the truth is withheld), labels, and the ID in its split."""
+    """points (N, 3), true planes (None where the truth is withheld), labels, and the ID in its split.
+
+    points: float32 of shards, which hold no more; float64 of text files, so that the diagonal is the one that the
+    organisers' script reads there. Batches are float32 in any case.
+    """
 
     points: np.ndarray
     planes: Planes | None
@@ -51,5 +55,6 @@ class LabelledCloud:
 
     @property
     def diagonal(self) -> float:
-        """Length of the diagonal of the axis-aligned bounding box, in the cloud's units (§2.3's scale for ε)."""
+        """Length of the diagonal of the axis-aligned bounding box, in the cloud's units (§2.3's scale for ε), in
+        float64."""
         return float(np.linalg.norm(np.ptp(self.points.astype(np.float64), axis=0)))

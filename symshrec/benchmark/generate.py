@@ -1,11 +1,8 @@
 """§2.1–2.2 (seed, split, index) → a labelled cloud, and all of them → shards: in parallel, resumable, verified."""
 
 import hashlib
-import multiprocessing
 from collections import Counter
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -20,6 +17,7 @@ from symshrec.benchmark.manifest import (
     MANIFEST,
     REQUEST,
     Manifest,
+    ShardError,
     ShardRecord,
     damages,
     json_text,
@@ -27,12 +25,13 @@ from symshrec.benchmark.manifest import (
     read_request,
 )
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
+from symshrec.benchmark.poses import draw_pose
 from symshrec.benchmark.shard_file import MappedShard, encode_shard
 from symshrec.benchmark.shards import cloud_name
-from symshrec.benchmark.surfaces import draw_pose, draw_shape
-from symshrec.files.atomic import ShardError, remove_temporaries, require_room, sole_writer, write_atomically
+from symshrec.benchmark.surfaces import draw_shape
+from symshrec.files.atomic import remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.files.foreign import parse_json
-from symshrec.files.processes import end_with_parent, main_left_out
+from symshrec.files.pool import ProcessPool, WorkerDiedError
 
 SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
 PROBED_CLOUDS = 42
@@ -196,25 +195,14 @@ def _make(config, root, missing: list[_Task], manifest, workers: int, progress: 
 
 def _produce(config, root, tasks: list[_Task], expected: dict[str, str], workers: int) -> Iterator[ShardRecord]:
     """Write the tasks' shards and give their records as they are finished."""
-    workers = min(workers, len(tasks))
-    if workers <= 1:
-        for task in tasks:
-            yield _write_shard(config, root, task, expected.get(task.file))
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=end_with_parent) as pool:
-        with main_left_out():
-            futures = [pool.submit(_write_shard, config, root, task, expected.get(task.file)) for task in tasks]
+    jobs = [(task, expected.get(task.file)) for task in tasks]
+    with ProcessPool(min(workers, len(tasks)), config, root) as pool:
         try:
-            for future in as_completed(futures):
-                yield future.result()
-        except BrokenProcessPool as error:
+            yield from pool.results(_write_shard, jobs, in_order=False)
+        except WorkerDiedError as error:
             raise RuntimeError(
-                "a generating process was killed, perhaps for want of memory; run the same command again, with fewer "
-                "workers or smaller shards; finished shards are kept"
+                f"{error}; run the same command again, with fewer workers or smaller shards; finished shards are kept"
             ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _write_shard(config: BenchmarkConfig, root: Path, task: _Task, expected: str | None) -> ShardRecord:

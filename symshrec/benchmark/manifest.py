@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from symshrec.files.atomic import ShardError
 from symshrec.files.foreign import is_plain_name, is_whole, parse_json
 
 GENERATOR_VERSION = 2  # raised whenever the same config, or the defaults, would give other bytes
@@ -17,6 +16,10 @@ REQUEST = "request.json"
 HASHING_THREADS = 4
 SHARD_SUFFIX = ".safetensors"
 COUNTED = ("families", "solids", "perturbations")
+
+
+class ShardError(ValueError):
+    """A shard, or the folder of shards, is missing, damaged or another's; says which and how to mend it."""
 
 
 @dataclass(frozen=True)

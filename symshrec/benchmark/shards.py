@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from symshrec.benchmark.cloud import LabelledCloud, Labels
-from symshrec.benchmark.manifest import Manifest, damages, read_manifest
+from symshrec.benchmark.manifest import Manifest, ShardError, damages, read_manifest
 from symshrec.benchmark.shard_file import LABELS, MappedShard, encode_shard
-from symshrec.files.atomic import ShardError
 from symshrec.planes import Planes
 
+METADATA = "symshrec"  # the one key, which holds all as JSON
+DTYPES = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
 MAPPED_SHARDS = 160  # each holds one file descriptor
 
 __all__ = ["Manifest", "ShardError", "ShardedSplit", "encode_shard", "read_manifest"]

@@ -1,20 +1,16 @@
 """Work over many clouds on all cores, in order, with a progress bar."""
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from typing import TypeVar
 
 from tqdm import tqdm
 
-from symshrec.files.processes import end_with_parent
+from symshrec.files.pool import ProcessPool
 
 Result = TypeVar("Result")
 CHUNK = 32  # clouds handed to a process at once
 ALONE = 256  # so few clouds are done before another process has started
-
-_work: Callable | None = None
 
 
 def available_cores() -> int:
@@ -31,29 +27,17 @@ def over_clouds(
         work: picklable; handed to each process once.
         description: of the progress bar, which shows only where stderr is a terminal.
         workers: processes; few clouds are done in this one.
+
+    Raises:
+        WorkerDiedError: where a process died.
     """
-    chunks = [positions[start : start + CHUNK] for start in range(0, len(positions), CHUNK)]
-    with tqdm(total=len(positions), desc=description, unit=" clouds", disable=None) as progress:
-        for results in _finished(work, chunks, 1 if len(positions) <= ALONE else workers):
+    chunks = [(positions[start : start + CHUNK],) for start in range(0, len(positions), CHUNK)]
+    progress = tqdm(total=len(positions), desc=description, unit=" clouds", disable=None)
+    with progress, ProcessPool(1 if len(positions) <= ALONE else workers, work) as pool:
+        for results in pool.results(_over_chunk, chunks):
             yield from results
             progress.update(len(results))
 
 
-def _finished(work: Callable, chunks: list, workers: int) -> Iterator[list]:
-    if workers == 1:
-        for chunk in chunks:
-            yield [work(position) for position in chunk]
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=_take, initargs=(work,)) as processes:
-        yield from processes.map(_do, chunks)
-
-
-def _take(work: Callable) -> None:
-    global _work
-    _work = work
-    end_with_parent()
-
-
-def _do(chunk: Sequence[int]) -> list:
-    return [_work(position) for position in chunk]
+def _over_chunk(work: Callable[[int], Result], chunk: Sequence[int]) -> list[Result]:
+    return [work(position) for position in chunk]

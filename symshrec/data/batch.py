@@ -8,6 +8,7 @@ import torch
 from torch import Tensor
 
 from symshrec.benchmark.cloud import Labels
+from symshrec.geometry.rotations import rotation_matrices
 from symshrec.planes import Planes
 
 
@@ -122,14 +123,3 @@ class SampledBatch:
         rotations = rotation_matrices(quaternions).transpose(1, 2)
         centres = (self.centres[:, None] @ rotations)[:, 0]
         return SampledBatch(self.points @ rotations, self.normals @ rotations, self.counts, centres)
-
-
-def rotation_matrices(quaternions: Tensor) -> Tensor:
-    """(B, 3, 3) of unit quaternions (B, 4), the real part first."""
-    w, x, y, z = quaternions.unbind(1)
-    rows = (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
-    return torch.stack([torch.stack(row, -1) for row in rows], 1)

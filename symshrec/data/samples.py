@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
 from tqdm import tqdm
 
 from symshrec.data.settings import SamplingKind
 from symshrec.files.atomic import write_atomically
+from symshrec.files.tensors import save
 from symshrec.geometry.sampling import farthest_point_sampling
 
 CHUNK = 256

@@ -13,16 +13,12 @@ TEMPORARY = ".{name}.{process}.partial"
 _HELD: set[int] = set()  # descriptors of the folders that this process holds
 
 
-class ShardError(ValueError):
-    """A shard, or the folder of shards, is missing, damaged or another's; says which and how to mend it."""
-
-
 class FolderInUseError(ValueError):
     """Another process writes in this folder; says which."""
 
 
 class DiskFullError(OSError):
-    """No room for a shard; says where and how much is needed."""
+    """No room for a file; says where and how much is needed."""
 
 
 def write_atomically(path: Path, data: bytes, sync: bool = True) -> None:

@@ -14,9 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 from safetensors import SafetensorError, safe_open
-from safetensors.numpy import save
 
 from symshrec.files.atomic import remove_temporaries, write_atomically
+from symshrec.files.tensors import save
 from symshrec.planes import PackedPlanes, Planes
 
 FORMAT = "symshrec predictions 1"

@@ -22,6 +22,11 @@ def mirror_residuals(points: np.ndarray, planes: Planes, limit: int = POINTS, se
 
     Raises:
         ValueError: for another shape.
+
+    >>> square = np.stack(np.meshgrid(np.arange(9), np.arange(9), [0]), -1).reshape(-1, 3)
+    >>> right, wrong = mirror_residuals(square, Planes([[1, 0, 0], [1, 0, 1]], [[4, 0, 0], [4, 0, 0]]))
+    >>> bool(right < 1e-9), bool(wrong > 1)
+    (True, True)
     """
     points = np.asarray(points, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points):

@@ -20,6 +20,10 @@ def farthest_point_sampling(points: Tensor, lengths: Tensor, count: int) -> Tens
 
     Raises:
         ValueError: for a cloud without points or a count below 1.
+
+    >>> line = torch.tensor([[0.0, 0, 0], [1, 0, 0], [4, 0, 0], [10, 0, 0]])
+    >>> farthest_point_sampling(line, torch.tensor([4]), 3).tolist()
+    [[3, 0, 2]]
     """
     if count < 1:
         raise ValueError(f"count is {count}; at least one point must be sampled")

@@ -1,11 +1,9 @@
 """What `symshrec.detect` asks of a method, and M3 and M4 without Lightning, whose import takes longer than they do."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import torch
 from torch import Tensor
 
 from symshrec.methods.registry import detect_planes_of, method_class
@@ -60,18 +58,3 @@ def made(name: str, settings: MethodSettings) -> Detector:
     """
     find = detect_planes_of(name)
     return method_class(name)(settings) if find is None else TrainingFree(find, settings)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Torch computes within on one thread.
-
-    The tensors of one cloud are too small for several to gain anything, and where other programs keep the cores busy
-    they wait for each other: M4 then takes 0.2 s on one thread, and up to 10 on two.
-    """
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)

@@ -1,8 +1,7 @@
 """What M1 and M2 share: a network on sampled points, its training and its weights."""
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 
 import torch
 from torch import Tensor, nn
@@ -15,34 +14,6 @@ from symshrec.methods.settings import LearnedSettings, plain_settings, restored_
 from symshrec.methods.weights import Weights, WeightsError, check_fit, load_into, read_weights
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
-
-SMALLEST = 1e-12  # radius that a cloud is divided by at least
-
-
-@dataclass(frozen=True, eq=False)
-class UnitSphere:
-    """Where B clouds lie (§3.1, step 1): centres (B, 1, 3) and radii (B, 1, 1) of their points about their mean."""
-
-    centres: Tensor
-    radii: Tensor
-
-    @classmethod
-    def of(cls, points: Tensor) -> "UnitSphere":
-        """Measure clouds (B, N, 3)."""
-        centres = points.mean(1, keepdim=True)
-        radii = (points - centres).norm(dim=-1).amax(1)[:, None, None]
-        return cls(centres, radii.clamp_min(SMALLEST))
-
-    def apply(self, points: Tensor) -> Tensor:
-        """(B, N, 3), or one point each (B, 3), on the unit sphere."""
-        if points.ndim == 2:
-            return self.apply(points[:, None])[:, 0]
-        return (points - self.centres) / self.radii
-
-    def restored(self, planes: Sequence[Planes]) -> list[Planes]:
-        """Planes of every cloud of the sphere in the clouds' own coordinates."""
-        frames = zip(self.radii.flatten().tolist(), self.centres[:, 0].double().cpu().numpy(), strict=True)
-        return [each.transformed(scale=r, translation=c) for each, (r, c) in zip(planes, frames, strict=True)]
 
 
 class LearnedMethod(SymmetryMethod):

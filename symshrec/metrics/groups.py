@@ -26,6 +26,10 @@ def group_masks(labels: Sequence[Labels]) -> dict[str, np.ndarray]:
     """The clouds (C,) bool of each group that has any: "all", perturbations, families, solids, in the tables' order.
 
     Names beyond the benchmark's own come after these, sorted; UNKNOWN makes no group.
+
+    >>> masks = group_masks([Labels("citrus", "cone", "P1"), Labels("astroid", "cone")])
+    >>> {name: mask.tolist() for name, mask in masks.items()}
+    {'all': [True, True], 'P1': [True, False], 'astroid': [False, True], 'citrus': [True, False], 'cone': [True, True]}
     """
     masks = {ALL: np.ones(len(labels), bool)} if len(labels) else {}
     for field, known in (("perturbation", PERTURBATIONS), ("family", FAMILIES), ("solid", SOLIDS)):
@@ -44,6 +48,12 @@ def grouped(scores: Scores, labels: Sequence[Labels]) -> list[GroupScore]:
 
     Raises:
         ValueError: where the two differ in length.
+
+    >>> from symshrec.metrics import evaluate
+    >>> from symshrec.planes import PackedPlanes, Planes
+    >>> planes = PackedPlanes.pack([Planes([[1, 0, 0]], [[0, 0, 0]])])
+    >>> grouped(evaluate(planes, planes, diagonals=[1.0]), [Labels()])[0]
+    GroupScore(metric='mAP', group='all', theta_deg=1.0, epsilon=0.01, value=1.0, clouds=1)
     """
     if len(scores) != len(labels):
         raise ValueError(f"scores of {len(scores)} clouds and labels of {len(labels)} do not belong together")

@@ -72,6 +72,13 @@ def match_planes(predicted: PackedPlanes, truth: PackedPlanes, diagonals, thetas
 
     Raises:
         ValueError: for shapes that do not agree, values that are not finite or out of range.
+
+    >>> from symshrec.planes import Planes
+    >>> truth = PackedPlanes.pack([Planes([[1, 0, 0], [0, 1, 0]], np.zeros((2, 3)))])
+    >>> predicted = PackedPlanes.pack([Planes([[0, 1, 0], [0, 0, 1]], np.zeros((2, 3)), [0.5, 0.9])])
+    >>> matches = match_planes(predicted, truth, [2.0], [1.0], [0.01])
+    >>> matches.predictions.tolist(), matches.true_planes.tolist(), matches.ranks.tolist()
+    ([0], [1], [2])
     """
     diagonals, thetas_deg, epsilons = _checked(predicted, truth, diagonals, thetas_deg, epsilons)
     limits = np.array([1.0 - math.cos(math.radians(theta)) for theta in thetas_deg])
@@ -95,7 +102,14 @@ def match_planes(predicted: PackedPlanes, truth: PackedPlanes, diagonals, thetas
 
 
 def plane_errors(predicted: PackedPlanes, truth: PackedPlanes, diagonals, theta_deg=1.0, epsilon=0.01) -> PlaneErrors:
-    """Angle and offset of every match at one tolerance pair; arguments and errors as in `match_planes`."""
+    """Angle and offset of every match at one tolerance pair; arguments and errors as in `match_planes`.
+
+    >>> from symshrec.planes import Planes
+    >>> truth, predicted = (PackedPlanes.pack([Planes([[1, 0, 0]], [[x, 0, 0]])]) for x in (0.0, 0.25))
+    >>> errors = plane_errors(predicted, truth, [2.0], theta_deg=5, epsilon=0.5)
+    >>> errors.angles_deg.tolist(), errors.offsets.tolist()
+    ([0.0], [0.125])
+    """
     matches = match_planes(predicted, truth, diagonals, [theta_deg], [epsilon])
     normals, true_normals = predicted.normals[matches.predictions], truth.normals[matches.true_planes]
     sine = np.linalg.norm(np.cross(normals, true_normals), axis=1)
@@ -113,7 +127,11 @@ def plane_errors(predicted: PackedPlanes, truth: PackedPlanes, diagonals, theta_
 
 
 def chunks(costs: np.ndarray, budget: int) -> Iterator[tuple[int, int]]:
-    """Consecutive ranges (first, last) of clouds of about `budget` cost each; always one at least, if empty."""
+    """Consecutive ranges (first, last) of clouds of about `budget` cost each; always one at least, if empty.
+
+    >>> list(chunks(np.array([3, 3, 3, 3]), budget=6))
+    [(0, 1), (1, 3), (3, 4)]
+    """
     cuts = np.flatnonzero(np.diff(np.cumsum(costs) // budget)) + 1
     edges = [0, *cuts.tolist(), len(costs)]
     return itertools.pairwise(edges)

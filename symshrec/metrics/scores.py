@@ -101,6 +101,12 @@ def evaluate(
 
     Raises:
         ValueError: for shapes that do not agree, values that are not finite or out of range.
+
+    >>> from symshrec.planes import Planes
+    >>> truth = PackedPlanes.pack([Planes([[1, 0, 0], [0, 1, 0]], np.zeros((2, 3)))])
+    >>> predicted = PackedPlanes.pack([Planes([[1, 0, 0]], [[0, 0, 0]])])  # one of the two planes, exactly
+    >>> evaluate(predicted, truth, diagonals=[1.0]).mean()
+    {'mAP': 1.0, 'PHC': 1.0, 'recall_aware_mAP': 0.5, 'recall': 0.5, 'count_accuracy': 0.0}
     """
     matches = match_planes(predicted, truth, diagonals, thetas_deg, epsilons)
     grid = len(matches.thetas_deg), len(matches.epsilons)

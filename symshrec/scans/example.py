@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from symshrec.files.atomic import write_atomically
+from symshrec.geometry.rotations import axis_rotation
 from symshrec.planes import Planes
 
 EXAMPLE = "chair.ply"
@@ -38,8 +39,7 @@ def example_plane() -> Planes:
 def _pose() -> np.ndarray:
     """(4, 4): first leaning about the chair's own left-right axis, then turned, then put in its place."""
     turn, tilt = np.radians([TURN_DEG, TILT_DEG])
-    turned = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
-    tilted = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
+    turned, tilted = axis_rotation(2, turn), axis_rotation(0, tilt)
     pose = np.eye(4)
     pose[:3, :3], pose[:3, 3] = turned @ tilted, PLACE
     return pose

@@ -11,9 +11,9 @@ from torch import Tensor
 
 from symshrec.benchmark.cloud import LabelledCloud
 from symshrec.data.batch import SampledBatch
+from symshrec.files.threads import one_thread
 from symshrec.geometry.sampling import farthest_point_sampling
-from symshrec.methods.detector import one_thread
-from symshrec.methods.learned import UnitSphere
+from symshrec.geometry.unit_sphere import UnitSphere
 from symshrec.methods.m1.decode import decode
 from symshrec.methods.m1.module import M1
 from symshrec.speed.plain.m1 import PlainPCT, plain_decode, plain_loss

@@ -7,9 +7,9 @@ import torch
 from torch import Tensor
 
 from symshrec.benchmark.cloud import LabelledCloud
+from symshrec.files.threads import one_thread
 from symshrec.geometry.sampling import farthest_point_sampling
-from symshrec.methods.detector import one_thread
-from symshrec.methods.learned import UnitSphere
+from symshrec.geometry.unit_sphere import UnitSphere
 from symshrec.methods.m2.chamfer import mirrored_chamfer
 from symshrec.methods.m2.module import M2
 from symshrec.speed.plain import m2 as plain

@@ -18,8 +18,8 @@ from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.official import write_track
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.data.datamodule import collate
+from symshrec.files.threads import one_thread
 from symshrec.methods.base import SymmetryMethod
-from symshrec.methods.detector import one_thread
 from symshrec.methods.m3.pipeline import spatial_order
 from symshrec.metrics import evaluate
 from symshrec.planes import PackedPlanes, Planes

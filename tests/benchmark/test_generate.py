@@ -15,9 +15,9 @@ import pytest
 from symshrec.benchmark.cloud import FAMILIES, PUBLISHED_PERTURBATIONS
 from symshrec.benchmark.config import BenchmarkConfig, HardConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
-from symshrec.benchmark.manifest import read_manifest
+from symshrec.benchmark.manifest import ShardError, read_manifest
 from symshrec.benchmark.shards import ShardedSplit
-from symshrec.files.atomic import DiskFullError, FolderInUseError, ShardError, sole_writer
+from symshrec.files.atomic import DiskFullError, FolderInUseError, sole_writer
 
 
 def small_config(train=84, test=42, clouds_per_shard=21, points=640):

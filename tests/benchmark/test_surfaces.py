@@ -9,7 +9,6 @@ from symshrec.benchmark.cloud import FAMILIES, SOLIDS
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig, UnitScaling
 from symshrec.benchmark.curves import draw_curve
 from symshrec.benchmark.generate import SHAPE, generate_cloud
-from symshrec.benchmark.surfaces import draw_pose
 from symshrec.planes import Planes
 
 DENSE = 20_000
@@ -81,29 +80,6 @@ def test_unit_size_heights_and_uniform_extrusion():
         assert (points[:, :2] / share[:, None])[share > 0.01].max() == pytest.approx(1, abs=1e-5)
         assert np.abs(np.sort(share) - (np.arange(6400) + 0.5) / 6400).max() * 80 < 1.95
     assert len(generate_cloud(clean_config("citrus", "cone"), "train", 0).points) == 12800
-
-
-@pytest.mark.parametrize("group", PoseGroup)
-def test_poses_are_drawn_from_their_group(group):
-    rng = np.random.default_rng(0)
-    poses = [draw_pose(rng, PoseConfig(group)) for _ in range(400)]
-    rotations = np.stack([each.rotation for each in poses])
-    translations = np.stack([each.translation for each in poses])
-    np.testing.assert_allclose(rotations @ rotations.transpose(0, 2, 1), np.tile(np.eye(3), (400, 1, 1)), atol=1e-12)
-    np.testing.assert_allclose(np.linalg.det(rotations), 1)
-    turned, shifted = (rotations != np.eye(3)).any((1, 2)), (translations != 0).any(1)
-    assert np.abs(translations).max() <= 1
-    expected = {PoseGroup.track: (200, 200), PoseGroup.xy_axes: (300, 200), PoseGroup.so3: (400, 400)}
-    for seen, mean in zip((turned.sum(), shifted.sum()), expected.get(group, (0, 0)), strict=True):
-        assert seen == mean if mean in (0, 400) else abs(seen - mean) < 50
-    if group is PoseGroup.track:
-        np.testing.assert_array_equal(rotations[:, 0], np.tile([1.0, 0.0, 0.0], (400, 1)))
-        degrees = np.rad2deg(np.arctan2(rotations[:, 2, 1], rotations[:, 1, 1]))
-        np.testing.assert_allclose(degrees, np.round(degrees), atol=1e-9)
-        assert degrees.min() < -150
-        assert degrees.max() > 150
-    if group is PoseGroup.so3:
-        assert np.abs(rotations.mean(0)).max() < 0.15
 
 
 def test_pose_moves_planes_with_points():

@@ -26,7 +26,7 @@ def test_shards_come_back_from_either_layout(layout, shards, tmp_path):
         assert [theirs[position].id for position in range(len(theirs))] == list(range(len(ours)))
         for position in range(len(ours)):
             cloud, read = ours[position], theirs[position]
-            np.testing.assert_array_equal(read.points, np.round(cloud.points.astype(float), 6).astype(np.float32))
+            np.testing.assert_array_equal(read.points, np.round(cloud.points.astype(float), 6))
             np.testing.assert_allclose(read.planes.normals, cloud.planes.normals, rtol=0, atol=1e-12)
             np.testing.assert_allclose(read.planes.points, cloud.planes.points, rtol=0, atol=1e-12)
         if layout == "symmetria":

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from symshrec.data.batch import SampledBatch
-from symshrec.methods.learned import UnitSphere
+from symshrec.geometry.unit_sphere import UnitSphere
 from symshrec.methods.m2.module import M2
 from symshrec.methods.m2.network import M2Network
 from symshrec.methods.m2.pretraining import M2Pretraining

@@ -7,10 +7,11 @@ from torch.nn import functional
 
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.benchmark.surfaces import draw_shape
+from symshrec.geometry.hemisphere import hemisphere_directions
 from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.m2.chamfer import mirrored_chamfer
 from symshrec.methods.m2.cleaning import clean, confidences
-from symshrec.methods.m2.heads import hemisphere, unit_planes
+from symshrec.methods.m2.heads import unit_planes
 from symshrec.methods.m2.loss import orthogonality, symmetry_loss
 from symshrec.methods.m2.settings import CleaningSettings, Confidence
 from symshrec.speed.plain import m2 as reference
@@ -94,7 +95,7 @@ def test_a_true_plane_costs_less_than_the_limit_and_a_wrong_one_much_more(petals
     aside = functional.normalize(torch.linalg.cross(normals, normals.roll(1, 1)), dim=1)
     true = through_centre(points, normals)
     near = through_centre(points, normals * angle.cos() + aside * angle.sin())
-    wrong = through_centre(points, hemisphere(27)).median()
+    wrong = through_centre(points, torch.from_numpy(hemisphere_directions(27)).float()).median()
     limit = CleaningSettings().limit_at(len(points))
     assert true.max() < limit < 2 * limit < wrong
     assert (near > 1.5 * true).all()

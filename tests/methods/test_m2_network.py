@@ -6,10 +6,11 @@ import pytest
 import torch
 from torch.nn import functional
 
+from symshrec.geometry.hemisphere import hemisphere_directions
 from symshrec.geometry.sampling import farthest_point_sampling
 from symshrec.methods.m2.autoencoder import MaskedAutoencoder, chamfer_l2
 from symshrec.methods.m2.encoder import Encoder
-from symshrec.methods.m2.heads import PlaneHeads, hemisphere, unit_planes
+from symshrec.methods.m2.heads import PlaneHeads, unit_planes
 from symshrec.methods.m2.loss import symmetry_loss
 from symshrec.methods.m2.patches import cut_patches
 from symshrec.methods.m2.settings import NetworkSettings, PretrainSettings
@@ -132,8 +133,9 @@ def test_heads_start_apart_and_answer_in_full_precision():
     with torch.autocast("cpu", dtype=torch.bfloat16):
         normals, offsets = PlaneHeads(48).eval()(torch.randn(4, 48))
     assert normals.dtype == offsets.dtype == torch.float32
-    assert (normals @ hemisphere(27).T).diagonal(dim1=1, dim2=2).min() > 0.9
-    assert offsets.abs().max() < 0.3
+    starts = torch.from_numpy(hemisphere_directions(27)).float()
+    assert (normals @ starts.T).diagonal(dim1=1, dim2=2).min() > 0.9
+    assert offsets.abs().max() < 0.4
 
 
 def test_a_normal_without_length_is_a_plane_without_gradient():

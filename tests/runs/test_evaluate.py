@@ -19,7 +19,7 @@ from symshrec.runs.evaluate import datamodule_of, evaluate
 
 ROOT = Path(__file__).parents[2]
 CHEAP = ["data.limit=12", "data.batch_size=4"]
-FREE = [*CHEAP, "method=truth", "method.refine=false", "tensorboard.enabled=false"]  # detects nothing
+FREE = [*CHEAP, "method=oracle", "method.refine=false", "tensorboard.enabled=false"]  # detects nothing
 
 
 def values(result: dict) -> list[tuple]:

@@ -59,7 +59,7 @@ class OfficialFolder:
         return len(self.ids)
 
     def __getitem__(self, position: int) -> LabelledCloud:
-        """The cloud at a position, its points float32.
+        """The cloud at a position, its points float64, as they stand in their file.
 
         Raises:
             OfficialFileError: naming file and line, where one of its files is malformed.

@@ -69,7 +69,7 @@ def stem_of(cloud_id: int, labels: Labels) -> str:
 
 
 def read_compressed_points(path: Path) -> np.ndarray:
-    """The cloud of a `.xz` file: (N, 3) float32.
+    """The cloud of a `.xz` file: (N, 3) float64, as it stands there.
 
     Raises:
         OfficialFileError: for a file that does not unpack or is too large when it does, and as

@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from symshrec.geometry.straight import is_straight
 from symshrec.planes import Planes
 
 FEWEST_POINTS = 4
@@ -74,8 +75,7 @@ def frame_of(points, most: int) -> Frame | None:
     scale = float(np.sqrt(12 * np.square(centred[near]).sum(1).mean()))
     if near.sum() < FEWEST_POINTS or scale <= 1e-12 * np.abs(centre).max():
         return None
-    spread = np.linalg.eigvalsh(centred[near].T @ centred[near])
-    if spread[1] <= COLLINEAR**2 * spread[2]:
+    if is_straight(centred[near], COLLINEAR, np.zeros(3)):
         return None
     return Frame(torch.from_numpy((centred / scale).astype(np.float32)).to(device), centre, scale)
 

@@ -4,7 +4,8 @@ import torch
 from torch import Tensor, nn
 
 from symshrec.data.batch import SampledBatch
-from symshrec.methods.learned import LearnedMethod, UnitSphere
+from symshrec.geometry.unit_sphere import UnitSphere
+from symshrec.methods.learned import LearnedMethod
 from symshrec.methods.m1.decode import decode
 from symshrec.methods.m1.loss import m1_losses
 from symshrec.methods.m1.network import M1Network

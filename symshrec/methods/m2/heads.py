@@ -6,6 +6,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from symshrec.geometry.hemisphere import hemisphere_directions
+
 SHORTEST_NORMAL = 1e-6
 
 
@@ -38,7 +40,7 @@ class PlaneHeads(nn.Module):
         self.first_norm, self.second_norm = (nn.BatchNorm1d(heads * hidden) for _ in range(2))
         if spread:
             with torch.no_grad():
-                self.third.bias.copy_(functional.pad(hemisphere(heads), (0, 1)))
+                self.third.bias.copy_(functional.pad(torch.from_numpy(hemisphere_directions(heads)).float(), (0, 1)))
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
         """Planes n·x + d = 0 from global features (B, F): unit normals (B, H, 3) and offsets d (B, H), in float32."""
@@ -77,11 +79,3 @@ def unit_planes(raw: Tensor) -> tuple[Tensor, Tensor]:
     raw = torch.where(lengths < SHORTEST_NORMAL, fallback, raw)
     planes = raw / torch.linalg.vector_norm(raw[..., :3], dim=-1, keepdim=True)
     return planes[..., :3], planes[..., 3]
-
-
-def hemisphere(count: int) -> Tensor:
-    """Unit vectors spread evenly over the half sphere z > 0 by the golden angle: (count, 3)."""
-    steps = torch.arange(count) + 0.5
-    heights, turns = 1 - steps / count, steps * math.pi * (3 - math.sqrt(5))
-    radii = (1 - heights.square()).sqrt()
-    return torch.stack([radii * turns.cos(), radii * turns.sin(), heights], dim=1)

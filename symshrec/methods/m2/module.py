@@ -7,7 +7,8 @@ import torch
 from torch import Tensor, nn
 
 from symshrec.data.batch import SampledBatch
-from symshrec.methods.learned import LearnedMethod, UnitSphere
+from symshrec.geometry.unit_sphere import UnitSphere
+from symshrec.methods.learned import LearnedMethod
 from symshrec.methods.m2.chamfer import mirrored_chamfer
 from symshrec.methods.m2.cleaning import clean, confidences
 from symshrec.methods.m2.loss import symmetry_loss

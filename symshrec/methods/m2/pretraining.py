@@ -4,7 +4,7 @@ import torch
 from torch import Tensor, nn
 
 from symshrec.data.batch import Batch, SampledBatch
-from symshrec.methods.learned import UnitSphere
+from symshrec.geometry.unit_sphere import UnitSphere
 from symshrec.methods.m2.autoencoder import MaskedAutoencoder, Reconstruction
 from symshrec.methods.m2.encoder import Encoder
 from symshrec.methods.m2.module import M2, PRETRAINED

@@ -3,13 +3,13 @@
 import numpy as np
 from scipy.spatial import cKDTree
 
+from symshrec.geometry.straight import is_straight
 from symshrec.methods.m3.candidates import local_maxima, pair_planes
 from symshrec.methods.m3.selection import select_planes
 from symshrec.methods.m3.settings import M3Settings
 from symshrec.methods.m3.spectrum import diffusion, laplacian_spectrum
 from symshrec.planes import Planes
 
-COLLINEAR = 1e-9  # of the spread: a cloud thinner than this in two directions is a straight line
 FEWEST_POINTS = 4
 
 
@@ -44,7 +44,7 @@ def detect_planes(points: np.ndarray, settings: M3Settings | None = None) -> Pla
     if diagonal == 0:
         return Planes.empty()
     cloud = spatial_order((points - centre) / diagonal)
-    if len(cloud) < FEWEST_POINTS or _is_straight(cloud):
+    if len(cloud) < FEWEST_POINTS or is_straight(cloud):
         return Planes.empty()
     return _detect(cloud, settings).transformed(scale=diagonal, translation=centre)
 
@@ -75,8 +75,3 @@ def _detect(cloud: np.ndarray, settings: M3Settings) -> Planes:
     normals, origins = pair_planes(cloud[local_maxima(tree, values, settings.neighbours)])
     kept, distances = select_planes(tree, normals, origins, settings.chamfer_limit, settings.separation_deg)
     return Planes(normals[kept], origins[kept], 1 - distances / settings.chamfer_limit)
-
-
-def _is_straight(cloud: np.ndarray) -> bool:
-    spread = np.linalg.svd(cloud - cloud.mean(0), compute_uv=False)
-    return bool(spread[1] <= COLLINEAR * spread[0])

@@ -5,6 +5,7 @@ from functools import cache
 import torch
 from torch import Tensor
 
+from symshrec.geometry.hemisphere import hemisphere_directions
 from symshrec.methods.fit.density import Density
 
 AROUND = 8  # neighbours of a direction, beside itself
@@ -18,11 +19,7 @@ def hemisphere(count: int) -> tuple[Tensor, Tensor]:
     Returns:
         Directions, and indices (count, AROUND) of each one's neighbours, opposite directions being the same.
     """
-    golden = torch.pi * (3 - 5**0.5)
-    rows = torch.arange(count, dtype=torch.float64)
-    z = (rows + 0.5) / count
-    radius = (1 - z * z).sqrt()
-    directions = torch.stack([radius * torch.cos(golden * rows), radius * torch.sin(golden * rows), z], 1).float()
+    directions = torch.from_numpy(hemisphere_directions(count)).float()
     return directions, (directions @ directions.T).abs().topk(AROUND + 1).indices[:, 1:]
 
 

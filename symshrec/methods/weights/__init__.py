@@ -9,10 +9,11 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
 from torch import Tensor
 
+from symshrec.files.atomic import write_atomically
 from symshrec.files.foreign import is_whole, parse_json
+from symshrec.files.tensors import save
 
 FORMAT = "symshrec weights 1"
 LONGEST_REASON = 200  # characters of another library's error
@@ -145,6 +146,9 @@ def write_weights(
         method, network, training, detection: see `Weights`; plain values.
         tensors: of the network.
         exact: names of matrices to keep in single precision.
+
+    Raises:
+        DiskFullError: where there is no room.
     """
     stored = {}
     for key, value in tensors.items():
@@ -153,10 +157,7 @@ def write_weights(
     about = {"format": FORMAT, "method": method, "network": json.dumps(network), "training": json.dumps(training)}
     about |= {"detection": json.dumps(detection)} if detection else {}
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    save_file(stored, partial, metadata=about)
-    partial.chmod(0o644)  # safetensors makes it readable to its owner alone
-    partial.replace(path)
+    write_atomically(path, save({key: value.numpy() for key, value in stored.items()}, about))
 
 
 def load_into(network: torch.nn.Module, weights: Weights) -> None:

@@ -1,7 +1,6 @@
 """Figure 2's gallery of families, §2.2's perturbations and ours, and the curves behind the tables, as PNG files."""
 
 import io
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,6 +23,7 @@ from symshrec.benchmark.config import (
     SurfaceConfig,
 )
 from symshrec.benchmark.generate import generate_cloud
+from symshrec.files.atomic import write_atomically
 from symshrec.reporting.figures.drawing import View, draw_cloud
 from symshrec.reporting.figures.reliability import Reliability, reliability
 from symshrec.reporting.tables.compared import Compared
@@ -214,8 +214,8 @@ def save_figure(figure: Figure, path: Path, dpi: int = 110, colours: int = 192) 
     buffer = io.BytesIO()
     FigureCanvasAgg(figure)
     figure.savefig(buffer, format="png", dpi=dpi)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     image = Image.open(buffer).convert("RGB").quantize(colours, dither=Image.Dither.NONE)
-    image.save(partial, format="png", optimize=True)
-    os.replace(partial, path)
+    packed = io.BytesIO()
+    image.save(packed, format="png", optimize=True)
+    write_atomically(path, packed.getvalue(), sync=False)
     return path

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.spatial import cKDTree
 
+from symshrec.geometry.hemisphere import hemisphere_directions
 from symshrec.planes import Planes
 
 MIDDLE_MISFIT, STEEPNESS = 1.07, 40.0
@@ -30,11 +31,7 @@ def detect_planes(points: np.ndarray, directions=1500, candidates=24, size=64, s
     spacing = distances[:, 1].mean()
     surface_normals = np.array([np.linalg.eigh(np.cov(cloud[rows].T))[1][:, 0] for rows in nearest])
 
-    rows = np.arange(directions)
-    z = (rows + 0.5) / directions
-    angle = np.pi * (3 - np.sqrt(5)) * rows
-    radius = np.sqrt(1 - z * z)
-    normals = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=1)
+    normals = hemisphere_directions(directions)
     some = cloud[:: max(1, len(cloud) // 300)]
     scores = np.array([_density(volume, _mirrored(some, normal, 0.0), cell, size).mean() for normal in normals])
     _, around = cKDTree(np.concatenate([normals, -normals])).query(normals, 9)

@@ -39,7 +39,7 @@ def test_a_folder_gives_back_the_clouds_written_to_it(write, random_cloud, tmp_p
     for position, cloud in enumerate(clouds):
         read = folder[position]
         assert read.id == cloud.id
-        assert read.points.dtype == np.float32
+        assert read.points.dtype == np.float64
         np.testing.assert_allclose(read.points, cloud.points, rtol=0, atol=1e-6)
         assert_same_planes(read.planes, cloud.planes, 1e-12)
     known = write is write_symmetria
