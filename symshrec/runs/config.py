@@ -1,22 +1,24 @@
-"""Configurations of conf/, and the entry point that names what may be written where a key or a value is wrong."""
+"""Configurations of conf/, composed apart from whatever else uses Hydra in the same process."""
 
-import functools
 import os
 import re
-import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import hydra
-from hydra import compose, initialize_config_dir
+from hydra import version
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.utils import create_config_search_path
+from hydra.core.config_search_path import SearchPathQuery
 from hydra.core.config_store import ConfigStore
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import setup_globals
 from hydra.errors import HydraException, InstantiationException
+from hydra.types import RunMode
 from hydra.utils import instantiate
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from symshrec.benchmark.config import BenchmarkConfig
@@ -24,6 +26,15 @@ from symshrec.runs.schema import METHODS, Config
 
 if TYPE_CHECKING:
     from symshrec.methods.base import SymmetryMethod  # Lightning, which takes seconds to import
+
+VERSION_BASE, MAIN = "1.3", "config"  # of Hydra's behaviour; the primary file of conf/
+_ONE_AT_A_TIME = threading.RLock()  # Hydra's parser, plugins and version base are shared by all threads
+if hasattr(os, "register_at_fork"):  # a child never inherits it locked by a thread that it does not have
+    os.register_at_fork(
+        before=_ONE_AT_A_TIME.acquire,
+        after_in_parent=_ONE_AT_A_TIME.release,
+        after_in_child=_ONE_AT_A_TIME.release,
+    )
 
 
 def conf_folder() -> Path:
@@ -36,25 +47,68 @@ def register() -> None:
     """Make the schema known to Hydra, and `${when:condition,text}`: the text where the condition holds, or nothing."""
     OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
     store = ConfigStore.instance()
-    store.store(name="schema", node=Config)
+    store.store(name="symshrec_schema", node=Config)
     for name, node in METHODS.items():
         store.store(group="method", name=f"{name}_schema", node=node)
 
 
-def load(overrides: list[str] | None = None) -> DictConfig:
+def load(overrides: Sequence[str] | None = None, folders: Sequence[str | Path] = (), name: str = MAIN) -> DictConfig:
     """The configuration that these command-line overrides give.
+
+    It is composed apart: a Hydra application that calls this keeps its own configuration, and threads wait for each
+    other.
+
+    Args:
+        overrides: as on the command line, `hydra.searchpath=[file://…]` among them.
+        folders: searched after conf/, as the command line's --config-dir is.
+        name: of the primary file, without `.yaml`.
 
     Raises:
         ValueError: for an unknown key or a value of the wrong kind, naming it and the valid ones.
     """
-    register()
+    overrides = list(overrides or [])
     try:
-        if GlobalHydra.instance().is_initialized():
-            return compose("config", overrides=overrides or [])
-        with initialize_config_dir(str(conf_folder()), version_base="1.3"):
-            return compose("config", overrides=overrides or [])
+        return _composed(overrides, folders, name)
     except (HydraException, OmegaConfBaseException) as error:
-        raise ValueError(_explain(error)) from error
+        raise ValueError(_explain(error, overrides, folders, name)) from error
+
+
+def loader(folders: Sequence[str | Path] = ()) -> ConfigLoaderImpl:
+    """What finds files in conf/, then in `folders`, and composes them.
+
+    Raises:
+        ValueError: for a folder that is not there.
+    """
+    register()
+    path = create_config_search_path(str(conf_folder()))
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise ValueError(f"there is no folder {folder} to look for configurations in")
+        path.prepend("command-line", f"file://{Path(folder).absolute()}", SearchPathQuery(provider="schema"))
+    return ConfigLoaderImpl(path)
+
+
+@contextmanager
+def hydra_apart() -> Iterator[None]:
+    """Within, Hydra behaves as this package expects, for one thread at a time; afterwards as before."""
+    with _ONE_AT_A_TIME:
+        before = version.getbase()
+        version.setbase(VERSION_BASE)
+        setup_globals()  # ${now:…} and the like, which a file in the user's folders may use
+        try:
+            yield
+        finally:
+            version.VersionBase.instance().version_base = before  # which `setbase` refuses where none was set
+
+
+def _composed(overrides: list[str], folders: Sequence[str | Path], name: str) -> DictConfig:
+    with hydra_apart():
+        config = loader(folders).load_configuration(name, overrides, RunMode.RUN, from_shell=False)
+    with open_dict(config):
+        if "changed" in config:  # known here, and to ${hydra:…} only while a command runs
+            config.changed = config.hydra.job.override_dirname
+        del config["hydra"]
+    return config
 
 
 def benchmark_of(config: DictConfig) -> BenchmarkConfig:
@@ -79,68 +133,20 @@ def method_of(config: DictConfig) -> "SymmetryMethod":
     return method
 
 
-def _explain(error: Exception) -> str:
+def _explain(error: Exception, overrides: list[str], folders: Sequence[str | Path], name: str) -> str:
+    """What is wrong, without Hydra's hints at its inside; of an unknown key, the valid ones in its place."""
     text = f"{error}\n{error.__cause__ or ''}"
     unknown = re.search(r"Key '(\w+)' (?:is )?not in '?(?:struct|\w+)'?\s+full_key: (\S+)", text)
     if not unknown:
         return "\n".join(line for line in text.splitlines() if line.strip() and "full stack trace" not in line)
     key = unknown[2]
-    whole = load()
+    try:
+        whole = _composed([each for each in overrides if each.partition("=")[0].lstrip("+~") != key], folders, name)
+    except (HydraException, OmegaConfBaseException):  # another mistake beside this one
+        whole = _composed([], (), MAIN)
     node = OmegaConf.select(whole, key.rpartition(".")[0]) if "." in key else whole
     valid = {str(each) for each in node} if isinstance(node, DictConfig) else set()
     if "." not in key:
         valid |= {folder.name for folder in conf_folder().iterdir() if folder.is_dir()}
-    return f"unknown key '{key}'; valid here: {', '.join(sorted(valid)) or 'none'}"
-
-
-def _check(arguments: list[str]) -> None:
-    """Compose every single alternative of every override once, so that a sweep fails before its first job."""
-    words = [word for word in arguments if not word.startswith("-") and "=" in word]
-    with initialize_config_dir(str(conf_folder()), version_base="1.3"):
-        loader = GlobalHydra.instance().config_loader()
-        parsed = [
-            each for each in OverridesParser.create(loader).parse_overrides(words) if not each.is_hydra_override()
-        ]
-        fixed = [each.input_line for each in parsed if not each.is_sweep_override()]
-        choices = [
-            [f"{each.get_key_element()}={value}" for value in each.sweep_string_iterator()]
-            for each in parsed
-            if each.is_sweep_override()
-        ]
-        if not all(choices):
-            raise ValueError(f"a sweep in {' '.join(words)} matches nothing in {conf_folder()}")
-        load([*fixed, *(alternatives[0] for alternatives in choices)])
-        for number, alternatives in enumerate(choices):
-            others = [each[0] for position, each in enumerate(choices) if position != number]
-            for alternative in alternatives[1:]:
-                load([*fixed, *others, alternative])
-
-
-def entry(task: Callable[[DictConfig], None]) -> Callable[[], None]:
-    """Make `task` a Hydra command over conf/config.yaml whose user errors are one line and exit status 2."""
-
-    @functools.wraps(task)
-    def guarded(config: DictConfig) -> None:
-        with _one_line_errors():
-            task(config)
-
-    def command() -> None:
-        register()
-        if not any(word in ("--help", "-h", "--hydra-help", "--info", "-i") for word in sys.argv[1:]):
-            with _one_line_errors():
-                _check(sys.argv[1:])
-        hydra.main(version_base="1.3", config_path=str(conf_folder()), config_name="config")(guarded)()
-
-    return command
-
-
-class _one_line_errors:
-    """Turns a user's mistake (ValueError, OSError) into its message and exit status 2."""
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind, error, traceback) -> None:
-        if isinstance(error, ValueError | OSError) and not os.environ.get("HYDRA_FULL_ERROR"):
-            print(f"error: {error}", file=sys.stderr)
-            raise SystemExit(2) from None
+    more = f"; another argument of Lightning's Trainer needs a plus: +{key}=…" if key.startswith("trainer.") else ""
+    return f"unknown key '{key}'; valid here: {', '.join(sorted(valid)) or 'none'}{more}"

@@ -4,11 +4,9 @@ import hashlib
 import json
 import logging
 import time
-import warnings
 from pathlib import Path
 
 from lightning import Callback, Trainer, seed_everything
-from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
 from symshrec.data.batch import Batch
@@ -19,9 +17,9 @@ from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.learned import LearnedMethod
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
-from symshrec.reporting.figures.tensorboard import TensorBoardResults
 from symshrec.runs.config import method_of
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib, source_files
+from symshrec.runs.trainer import TEST_SHORTENED, LogScores, shortened, trainer_of
 
 log = logging.getLogger(__name__)
 TIMES = "seconds.txt"  # beside the predictions: clouds and seconds of every batch
@@ -45,30 +43,41 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
     )
 
 
-def evaluate(config: DictConfig) -> dict:
+def evaluate(config: DictConfig, method: SymmetryMethod | None = None) -> dict:
     """Detect, score and record: predictions.safetensors, config.yaml and, last, metrics.json in `config.folder`.
 
     A killed run goes on where it was; a finished one is only scored again where the tolerances changed, and left alone
-    where nothing did.
+    where nothing did. A partial one (`trainer.fast_dev_run`, `limit_test_batches`) uses and leaves none of these.
+
+    Args:
+        method: ready for use, and described by `config.method`; made from that where it is None.
 
     Returns:
-        What metrics.json holds.
+        What metrics.json holds; of a partial run the same scores, with the arguments that shortened it as `partial`.
+
+    Raises:
+        ValueError: for what the configuration cannot mean.
     """
+    if config.ckpt_path is not None:
+        raise ValueError("ckpt_path is for train; evaluate takes weights: method.weights=[FILE.safetensors]")
     folder = Path(config.folder)
     seed_everything(config.seed, workers=True, verbose=False)
-    data, method = datamodule_of(config), method_of(config)
+    data, method = datamodule_of(config), method_of(config) if method is None else method
+    if why := shortened(config, TEST_SHORTENED):
+        return _partial(config, folder / "partial", data, method, why)
     key = prediction_key(config, data, method)
     request = hashlib.sha256(f"{key} {config.title} {config.tolerance}".encode()).hexdigest()
     finished = _read(folder / "metrics.json")
     if finished and finished["request_sha256"] == request:
         log.info("%s: up to date in %s", config.title, folder)
         return finished
-    (folder / "metrics.json").unlink(missing_ok=True)
     store = _store(folder / "predictions", key)
     method.known, method.detected = dict(store.items()), _unrefined(config, data, method)
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
-    _trainer(config, folder, keeper).test(method, datamodule=data, verbose=False)
+    trainer = _trainer(config, folder, keeper)
+    (folder / "metrics.json").unlink(missing_ok=True)
+    trainer.test(method, datamodule=data, verbose=False)
     return _record(config, folder, data, method, store, keeper, {"request_sha256": request, "key": key})
 
 
@@ -130,6 +139,21 @@ class StorePredictions(Callback):
         }
 
 
+def _partial(config: DictConfig, folder: Path, data: SymmetryDataModule, method: SymmetryMethod, why: list) -> dict:
+    """Detect and score what a shortened test comes to, and store none of it; loggers alone write into `folder`."""
+    method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
+    _trainer(config, folder).test(method, datamodule=data, verbose=False)
+    scores, labels, _ = method.test_metric.evaluation()
+    return {
+        "name": config.title,
+        "method": config.method.name,
+        "run": config.run.name,
+        "partial": why,
+        "scores": [row._asdict() for row in grouped(scores, labels)],
+        "data": {"name": f"{config.data.name}{config.data.variant}", "split": data.test_split, "clouds": len(scores)},
+    }
+
+
 def _unrefined(config: DictConfig, data: SymmetryDataModule, method: SymmetryMethod) -> dict[int, Planes]:
     """Of a run with refinement, the planes that the same run without it has left; none where there is no such run."""
     plain = config.copy()
@@ -154,19 +178,8 @@ def _store(folder: Path, key: str) -> PredictionStore:
 
 
 def _trainer(config: DictConfig, folder: Path, *callbacks: Callback) -> Trainer:
-    warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
-    logger, shown = False, []
-    if config.tensorboard.enabled:
-        logger = TensorBoardLogger(folder, name="", version="tensorboard", default_hp_metric=False)
-        shown = [TensorBoardResults(clouds=config.tensorboard.clouds)]
-    return Trainer(
-        **OmegaConf.to_container(config.trainer, resolve=True),
-        logger=logger,
-        callbacks=[*callbacks, *shown],
-        enable_checkpointing=False,
-        enable_model_summary=False,
-    )
+    quiet = {"max_epochs": 1, "enable_checkpointing": False, "enable_model_summary": False}
+    return trainer_of(config, folder, [*callbacks, LogScores()], **quiet)
 
 
 def _record(config, folder: Path, data, method, store: PredictionStore, keeper: StorePredictions, keys: dict) -> dict:

@@ -12,7 +12,6 @@ from pathlib import Path
 import torch
 from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.callbacks import LearningRateMonitor, ModelCheckpoint, TQDMProgressBar
-from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
 from symshrec.data.datamodule import SymmetryDataModule
@@ -21,10 +20,10 @@ from symshrec.files.atomic import write_atomically
 from symshrec.methods.learned import LearnedMethod, plain_settings
 from symshrec.methods.optimiser import Schedule
 from symshrec.methods.weights import write_weights
-from symshrec.reporting.figures.tensorboard import TensorBoardTraining
 from symshrec.runs.config import method_of
 from symshrec.runs.evaluate import datamodule_of
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
+from symshrec.runs.trainer import TRAINING_SHORTENED, checked_start, devices_of, shortened, trainer_of
 
 log = logging.getLogger(__name__)
 WEIGHTS, CHECKPOINT, RECORD, SETTINGS = "weights.safetensors", "last.ckpt", "training.json", "settings.json"
@@ -50,7 +49,8 @@ NO_INFLUENCE = (  # beginnings of keys
     "train.precision",
     "train.validate_every",
     "trainer.enable_progress_bar",
-    "trainer.max_epochs",
+    "trainer.log_every_n_steps",
+    "trainer.max_time",
     "trainer.precision",
 )
 
@@ -62,7 +62,8 @@ def train(config: DictConfig) -> dict | None:
 
     Returns:
         What training.json holds; None where `train.max_minutes` ended it before the last round, and in all processes
-        but the first.
+        but the first. Of a partial training (`trainer.fast_dev_run`, `max_steps` and so on), which leaves no weights,
+        its validation, with the arguments that shortened it as `partial`.
 
     Raises:
         ValueError: where the folder holds a training of other settings, or the method has nothing to train.
@@ -72,9 +73,12 @@ def train(config: DictConfig) -> dict | None:
     config = config.copy()
     config.method.weights = []
     config.train.precision = chosen_precision(config.train.precision, config.trainer.accelerator)
+    config.trainer.precision = config.train.precision
     if config.data.sampling.kind is SamplingKind.none:  # the network draws its points itself, but not in every epoch
         config.data.sampling.kind = SamplingKind.farthest
         config.data.sampling.points = config.method.network.points
+    if why := shortened(config, TRAINING_SHORTENED):
+        return _partial(config, Path(config.train.folder) / "partial", why)
     folder = Path(config.train.folder) if config.train.cooldown is None else branch_off(config)
     settings = decisive_settings(config)
     _refuse_others(folder, settings)
@@ -85,11 +89,13 @@ def train(config: DictConfig) -> dict | None:
     seed_everything(config.seed, workers=True, verbose=False)
     method, data = method_of(config), datamodule_of(config)
     rounds, before = _prepare(config, method, data, folder)
+    progress, last = Progress(config.train.max_minutes), folder / CHECKPOINT
+    start = str(last) if last.exists() else checked_start(config.ckpt_path, method)
     folder.mkdir(parents=True, exist_ok=True)
     write_atomically(folder / SETTINGS, (json.dumps(settings, indent=1) + "\n").encode())
-    progress, last = Progress(config.train.max_minutes), folder / CHECKPOINT
-    trainer = _trainer(config, folder, rounds, progress)
-    trainer.fit(method, datamodule=data, ckpt_path=str(last) if last.exists() else None, weights_only=True)
+    keeper = ModelCheckpoint(folder, filename=last.stem, enable_version_counter=False, **EVERY_ROUND)
+    trainer = _trainer(config, folder, rounds, progress, keeper)
+    trainer.fit(method, datamodule=data, ckpt_path=start, weights_only=True)
     if trainer.current_epoch < rounds:
         log.info("stopped after round %d of %d; the same command goes on", trainer.current_epoch, rounds)
         return None
@@ -101,6 +107,29 @@ def train(config: DictConfig) -> dict | None:
     result["weights_sha256"] = hashlib.sha256(weights.read_bytes()).hexdigest()
     write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
     return result
+
+
+def _partial(config: DictConfig, folder: Path, why: list[str]) -> dict:
+    """Train and validate as far as a shortened training goes, and store none of it; loggers alone write in `folder`."""
+    if config.train.cooldown is not None:
+        raise ValueError(f"trainer.{why[0]} and train.cooldown do not go together: a cool-down is a whole training")
+    seed_everything(config.seed, workers=True, verbose=False)
+    method, data = method_of(config), datamodule_of(config)
+    rounds, _ = _prepare(config, method, data, folder)
+    progress = Progress(config.train.max_minutes)
+    trainer = _trainer(config, folder, rounds, progress)
+    trainer.fit(method, datamodule=data, ckpt_path=checked_start(config.ckpt_path, method), weights_only=True)
+    steps = trainer.global_step
+    trainer.validate(method, datamodule=data, verbose=False)
+    return {
+        "name": config.title,
+        "method": config.method.name,
+        "run": config.run.name,
+        "partial": why,
+        "clouds": progress.clouds,
+        "steps": steps,
+        "validation": _validation(trainer),
+    }
 
 
 def chosen_precision(asked: str, accelerator: str) -> str:
@@ -148,6 +177,8 @@ def decisive_settings(config: DictConfig) -> dict[str, object]:
     nodes = {name: config[name] for name in ("data", "method", "train", "trainer")}
     plain = {name: OmegaConf.to_container(node, resolve=True, enum_to_str=True) for name, node in nodes.items()}
     flat = dict(_flattened(plain | {"seed": config.seed}))
+    if config.ckpt_path is not None and Path(config.ckpt_path).is_file():
+        flat["ckpt_path"] = hashlib.sha256(Path(config.ckpt_path).read_bytes()).hexdigest()
     return {key: value for key, value in flat.items() if not key.startswith(NO_INFLUENCE)}
 
 
@@ -176,7 +207,7 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
     the training that it goes on from, empty where it starts from chance."""
     settings = config.train
     epochs = settings.epochs if settings.cooldown is None else settings.cooldown
-    steps = math.ceil(epochs * data.training_clouds() / (settings.batch_size * config.trainer.devices))
+    steps = math.ceil(epochs * data.training_clouds() / (settings.batch_size * devices_of(config)))
     rounds, start = math.ceil(steps / settings.steps_per_round), None
     if settings.cooldown is not None:
         begun = int(folder.name.removeprefix("cooldown_"))
@@ -236,33 +267,26 @@ class Progress(Callback):
         trainer.should_stop = trainer.strategy.broadcast(time.perf_counter() > self._stop)
 
 
-def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) -> Trainer:
-    warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
+def _trainer(config: DictConfig, folder: Path, rounds: int, *callbacks: Callback) -> Trainer:
     warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
     warnings.filterwarnings("ignore", message="The dirpath has changed")  # a cool-down goes on in its own folder
     warnings.filterwarnings("ignore", message="Checkpoint directory .* exists and is not empty")
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
-    settings = config.train
-    arguments = OmegaConf.to_container(config.trainer, resolve=True) | {"precision": settings.precision}
-    del arguments["max_epochs"]
-    callbacks = [
-        progress,
-        ModelCheckpoint(folder, filename=Path(CHECKPOINT).stem, enable_version_counter=False, **EVERY_ROUND),
-        LearningRateMonitor("step"),
-        TensorBoardTraining(settings.clouds_shown),
-    ]
-    if arguments["enable_progress_bar"]:
-        callbacks.append(TQDMProgressBar(refresh_rate=20))
-    return Trainer(
-        **arguments,
+    settings, shown = config.train, []
+    if config.trainer.enable_progress_bar:
+        shown.append(TQDMProgressBar(refresh_rate=20))
+    if config.logger:
+        shown.append(LearningRateMonitor("step"))
+    return trainer_of(
+        config,
+        folder,
+        [*callbacks, *shown],
         max_epochs=rounds,
         check_val_every_n_epoch=settings.validate_every,
         num_sanity_val_steps=0,
         log_every_n_steps=min(50, settings.steps_per_round),
         use_distributed_sampler=False,
-        logger=TensorBoardLogger(folder, name="", version="tensorboard", default_hp_metric=False),
-        callbacks=callbacks,
         enable_model_summary=False,
+        enable_checkpointing=any(isinstance(each, ModelCheckpoint) for each in callbacks),
     )
 
 
@@ -272,7 +296,6 @@ def _record(
     """How the weights came about, and what the validating fold says of them."""
     trainer.validate(method, datamodule=data, verbose=False)
     split = data.split("train")
-    scores = {name: float(value) for name, value in sorted(trainer.callback_metrics.items()) if "val/" in name}
     return {
         "name": config.title,
         "method": config.method.name,
@@ -284,7 +307,7 @@ def _record(
         "steps": trainer.global_step,
         "seconds": round(progress.seconds, 1),
         "share_waiting_for_data": round(progress.waited / max(progress.seconds, 1e-9), 5),
-        "validation": {name: round(value, 5) for name, value in scores.items()},
+        "validation": _validation(trainer),
         "validation_clouds": len(data.datasets["val"]),
         "seed": config.seed,
         **({"before": before} if before else {}),
@@ -294,6 +317,12 @@ def _record(
         "peak_memory_mib": peak_memory_mib(),
         "code": code_version(),
     }
+
+
+def _validation(trainer: Trainer) -> dict[str, float]:
+    """The figures of the last validation."""
+    metrics = sorted(trainer.callback_metrics.items())
+    return {name: round(float(value), 5) for name, value in metrics if name.startswith("val/")}
 
 
 def _read(path: Path) -> dict | None:

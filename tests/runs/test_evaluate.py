@@ -76,8 +76,8 @@ def test_a_refined_run_starts_from_the_planes_of_the_run_without(smoke_config, t
 def test_a_killed_run_goes_on_and_ends_the_same(smoke_config, smoke_root, tmp_path):
     whole = evaluate(smoke_config("data.batch_size=2"))
     runs = tmp_path / "killed"
-    command = [sys.executable, "experiments/evaluate.py", "data=smoke", f"data.root={smoke_root}", f"folder={runs}"]
-    command += ["method.neighbours=20", "data.batch_size=2", "tensorboard.enabled=false", "paths.runs=" + str(tmp_path)]
+    command = [sys.executable, "-m", "symshrec", "evaluate", "data=smoke", f"data.root={smoke_root}", f"folder={runs}"]
+    command += ["method.neighbours=20", "data.batch_size=2", "logger=none", "paths.runs=" + str(tmp_path)]
     process = subprocess.Popen(
         command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
     )

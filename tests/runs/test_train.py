@@ -97,7 +97,7 @@ def test_killed_at_any_moment_a_training_ends_with_the_same_weights(tiny, smoke_
     folder = Path(killed.train.folder)
     overrides = [*small_benchmark, f"data.root={smoke_root}", *TINY, "train.epochs=12", f"train.folder={folder}"]
     environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    process = subprocess.Popen([sys.executable, "experiments/train.py", *overrides], cwd=ROOT, env=environment)
+    process = subprocess.Popen([sys.executable, "-m", "symshrec", "train", *overrides], cwd=ROOT, env=environment)
     try:
         deadline = time.monotonic() + 120
         while not (folder / "last.ckpt").exists():

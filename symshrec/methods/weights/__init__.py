@@ -66,7 +66,7 @@ def read_weights(name: str, *methods: str) -> Weights:
     except SafetensorError as error:
         raise WeightsError(f"{path} is not a readable safetensors file ({error})") from error
     if about.get("format") != FORMAT:
-        raise WeightsError(f"{path} was not written by experiments/train.py; its metadata lack format {FORMAT!r}")
+        raise WeightsError(f"{path} was not written by symshrec train; its metadata lack format {FORMAT!r}")
     if methods and about["method"] not in methods:
         raise WeightsError(f"{path} holds weights of {about['method']}, not of {' or '.join(dict.fromkeys(methods))}")
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()

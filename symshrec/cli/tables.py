@@ -1,4 +1,4 @@
-"""§5 Every table from finished runs, ours beside the published: `python experiments/tables.py data=quick|paper`.
+"""§5 `symshrec tables data=quick|paper`: every table from finished runs, ours beside the published.
 
 P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any."""
 
@@ -8,26 +8,27 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
-from symshrec.files.predictions import WHOLE
-from symshrec.reporting.figures.figures import make_result_figures
-from symshrec.reporting.tables.compared import compare_runs
-from symshrec.reporting.tables.published_tables import write_tables
-from symshrec.reporting.tables.refinement import write_refinement
-from symshrec.reporting.tables.results import is_oracle, provenance, read_result
-from symshrec.runs.config import entry
-from symshrec.runs.evaluate import datamodule_of
+from symshrec.runs.command import entry
 
 
 @entry
-def tables(config: DictConfig) -> None:
+def command(config: DictConfig) -> None:
     """Read the runs that `tables` names, write results/<data>/, print what was written and what has not run."""
+    from symshrec.files.predictions import WHOLE
+    from symshrec.reporting.figures.figures import make_result_figures
+    from symshrec.reporting.tables.compared import compare_runs
+    from symshrec.reporting.tables.published_tables import write_tables
+    from symshrec.reporting.tables.refinement import write_refinement
+    from symshrec.reporting.tables.results import is_oracle, provenance
+    from symshrec.runs.evaluate import datamodule_of
+
     data = f"{config.data.name}{config.data.variant}"
     runs, results = Path(config.paths.runs) / data, Path(config.paths.results) / data
     main = _finished(config, data, config.tables)
     if not main:
         raise ValueError(
             f"no metrics.json in {', '.join(str(runs / name) for name in config.tables)}; "
-            f"python experiments/evaluate.py --multirun sweep=tables data={config.data.name} makes them"
+            f"symshrec evaluate --multirun sweep=tables data={config.data.name} makes them"
         )
     _finished(config, data, config.cards)  # kept, and in no table
     hard = _finished(config, config.data.hard, config.tables)
@@ -48,6 +49,8 @@ def tables(config: DictConfig) -> None:
 
 def _finished(config: DictConfig, data: str, names: Sequence[str]) -> dict[str, dict]:
     """The results of those runs on some data that have ended, by folder, kept in results/<data>/ too."""
+    from symshrec.reporting.tables.results import read_result
+
     finished = {}
     for name in names:
         folder, kept = Path(config.paths.runs) / data / name, Path(config.paths.results) / data / name
@@ -57,7 +60,3 @@ def _finished(config: DictConfig, data: str, names: Sequence[str]) -> dict[str, 
                 shutil.copyfile(folder / file, kept / file)
             finished[name] = read_result(folder / "metrics.json")
     return finished
-
-
-if __name__ == "__main__":
-    tables()
