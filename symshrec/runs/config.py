@@ -3,11 +3,13 @@
 import os
 import re
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import Enum
 from importlib.resources import files
+from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hydra import version
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
@@ -71,6 +73,37 @@ def load(overrides: Sequence[str] | None = None, folders: Sequence[str | Path] =
         return _composed(overrides, folders, name)
     except (HydraException, OmegaConfBaseException) as error:
         raise ValueError(_explain(error, overrides, folders, name)) from error
+
+
+def as_overrides(settings: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Settings by key as command-line overrides; those in a dictionary below its key, those that are None left out
+    at the top and null below.
+
+    Raises:
+        ValueError: for a value that an override cannot say.
+    """
+    words = []
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            words += as_overrides(value, f"{prefix}{key}.")
+        elif value is not None or prefix:
+            words.append(f"{prefix}{key}={_said(value, prefix + key)}")
+    return words
+
+
+def _said(value: Any, key: str) -> str:
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, str | PathLike):
+        text = fspath(value)
+        return text if re.fullmatch(r"[\w./-]+|\$\{[^{}]*\}", text) else "'" + text.replace("'", "\\'") + "'"
+    if isinstance(value, Sequence):
+        return f"[{','.join(_said(each, key) for each in value)}]"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, int | float):
+        return repr(value)
+    raise ValueError(f"{key} is a {type(value).__name__}; a setting is text, a number, true or false, a list or None")
 
 
 def loader(folders: Sequence[str | Path] = ()) -> ConfigLoaderImpl:
