@@ -1,5 +1,6 @@
 """Configurations of conf/, composed apart from whatever else uses Hydra in the same process."""
 
+import copy
 import os
 import re
 import threading
@@ -13,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from hydra import version
 from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import ConfigRepository
 from hydra._internal.utils import create_config_search_path
-from hydra.core.config_search_path import SearchPathQuery
+from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.config_store import ConfigStore
 from hydra.core.utils import setup_globals
 from hydra.errors import HydraException, InstantiationException
@@ -45,11 +47,12 @@ def conf_folder() -> Path:
     return packaged if packaged.is_dir() else Path(str(files("symshrec"))).parent / "conf"
 
 
-def register() -> None:
-    """Make the schema known to Hydra, and `${when:condition,text}`: the text where the condition holds, or nothing."""
+def register(store: ConfigStore | None = None) -> None:
+    """Make the schema known to a store, Hydra's own unless another is given, and `${when:condition,text}` to all: the
+    text where the condition holds, or nothing."""
     OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
-    store = ConfigStore.instance()
-    store.store(name="symshrec_schema", node=Config)
+    store = ConfigStore.instance() if store is None else store
+    store.store(name="schema", node=Config)
     for name, node in METHODS.items():
         store.store(group="method", name=f"{name}_schema", node=node)
 
@@ -112,13 +115,29 @@ def loader(folders: Sequence[str | Path] = ()) -> ConfigLoaderImpl:
     Raises:
         ValueError: for a folder that is not there.
     """
-    register()
     path = create_config_search_path(str(conf_folder()))
     for folder in folders:
         if not Path(folder).is_dir():
             raise ValueError(f"there is no folder {folder} to look for configurations in")
         path.prepend("command-line", f"file://{Path(folder).absolute()}", SearchPathQuery(provider="schema"))
-    return ConfigLoaderImpl(path)
+    found = ConfigLoaderImpl(path)
+    found.repository = _Apart(path)
+    return found
+
+
+class _Apart(ConfigRepository):
+    """Sources of configurations whose stored ones are Hydra's and this package's: an application that stores some under
+    the same names, `config` for one, keeps them and does not meet them here."""
+
+    def initialize_sources(self, config_search_path: ConfigSearchPath) -> None:
+        super().initialize_sources(config_search_path)
+        shared = ConfigStore.instance()
+        store = copy.copy(shared)
+        store.repo = {name: node for name, node in shared.repo.items() if name.startswith(("hydra", "_dummy"))}
+        register(store)
+        for source in self.sources:
+            if source.scheme() == "structured":
+                source.store = store
 
 
 @contextmanager
