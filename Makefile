@@ -39,24 +39,24 @@ lint: setup
 
 # Verifies what is there and makes what is missing; killed at any moment, it goes on where it was.
 data: setup
-	$(BIN)/python experiments/generate.py data=$(SCALE) workers=$(WORKERS)
-	$(BIN)/python experiments/generate.py data=$(HARD) workers=$(WORKERS)
+	$(BIN)/symshrec generate data=$(SCALE) workers=$(WORKERS)
+	$(BIN)/symshrec generate data=$(HARD) workers=$(WORKERS)
 
 tables: data
-	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
-	$(BIN)/python experiments/evaluate.py --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
-	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
-	$(BIN)/python experiments/tables.py data=$(SCALE)
+	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
+	$(BIN)/symshrec evaluate --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
+	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
+	$(BIN)/symshrec tables data=$(SCALE)
 
 # Copies what `make tables` wrote under runs/ into results/, which git keeps.
 publish: setup
 	$(BIN)/python experiments/publish.py data=$(SCALE)
 
 figures: setup
-	$(BIN)/python experiments/figures.py
+	$(BIN)/symshrec figures
 
 bench: setup
-	$(BIN)/python experiments/bench.py
+	$(BIN)/symshrec bench
 
 clean:
 	rm -rf $(VENV) data runs
