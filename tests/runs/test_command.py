@@ -126,7 +126,7 @@ def test_a_shell_completes_commands_and_their_settings(line, answer, monkeypatch
 def smoke_command(small_benchmark, smoke_root):
     def words(command: str, *overrides: str) -> list[str]:
         quiet = ["trainer.enable_progress_bar=false", "logger=none", f"data.root={smoke_root}"]
-        return [sys.executable, "-m", "symshrec", command, *small_benchmark, *quiet, *overrides]
+        return [sys.executable, "-m", "symshrec", command, *overrides, *small_benchmark, *quiet]
 
     return words
 
