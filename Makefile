@@ -15,13 +15,15 @@ HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
 setup: $(STAMP)
 
 # Every file is held against its hash. setuptools comes first because antlr4, which has no wheel, is built with it. What
-# is still missing then are CUDA's libraries, where PyTorch's build wants them.
+# is still missing then are CUDA's libraries, where PyTorch's build wants them. PyTorch itself comes by its version alone:
+# its builds for CPUs and GPUs differ, and pip takes the one that this machine is set up for.
 $(STAMP): pyproject.toml constraints.txt constraints-cuda.txt
 	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'symshrec needs Python 3.11 or newer; name one with make PYTHON=…')"
 	@echo "Setting up $(VENV): PyTorch and all that stands on it, a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	sed -n '/^setuptools==/,/[^\\]$$/p' constraints.txt > $(VENV)/setuptools.txt
 	$(INSTALL) --require-hashes --requirement $(VENV)/setuptools.txt
+	$(INSTALL) $$(sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 	$(INSTALL) --require-hashes --requirement constraints.txt
 	$(INSTALL) --editable .
 	$(BIN)/python -m pip check > $(VENV)/missing.txt || $(INSTALL) --require-hashes --requirement constraints-cuda.txt
