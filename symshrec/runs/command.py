@@ -1,6 +1,7 @@
 """Functions of a configuration as Hydra commands, whose users read one line where something is wrong."""
 
 import functools
+import multiprocessing
 import os
 import sys
 from argparse import Namespace
@@ -58,6 +59,8 @@ class _Job:
         self.task, self.name, self.line = task, name, line
 
     def __call__(self, config: DictConfig) -> float | None:
+        if multiprocessing.get_start_method(allow_none=True) == "loky":  # joblib's, unknown to a method's own processes
+            multiprocessing.set_start_method("spawn", force=True)
         sys.argv = self.line  # with which Lightning starts its further processes
         with one_line_errors(self.name):
             return self.task(config)
@@ -73,7 +76,7 @@ class one_line_errors:
         return None
 
     def __exit__(self, kind, error, traceback) -> None:
-        if isinstance(error, KeyboardInterrupt) or isinstance(getattr(error, "__context__", None), KeyboardInterrupt):
+        if isinstance(error, KeyboardInterrupt) or _ended_by_lightning(error):
             print(f"{self.name}: interrupted", file=sys.stderr)
             raise SystemExit(INTERRUPTED) from None
         if isinstance(error, MISTAKES) and not os.environ.get("HYDRA_FULL_ERROR"):
@@ -82,6 +85,12 @@ class one_line_errors:
                 text = text.splitlines()[0]
             print(f"{self.name}: {text}", file=sys.stderr)
             raise SystemExit(USER_ERROR) from None
+
+
+def _ended_by_lightning(error: BaseException | None) -> bool:
+    """Whether Lightning has turned Ctrl-C into the end of the process, without a word."""
+    ends = isinstance(error, SystemExit) and not error.__suppress_context__
+    return ends and isinstance(error.__context__, KeyboardInterrupt)
 
 
 def _check(arguments: list[str], name: str) -> None:

@@ -78,11 +78,12 @@ def _evaluated(config: DictConfig, folder: Path, method: SymmetryMethod | None) 
             return finished
         log.warning("%s: %s; predicting what is missing", config.title, lack)
     store = open_store(folder, identity)
-    (folder / METRICS).unlink(missing_ok=True)
     method.known, method.detected = dict(store.items()), _unrefined(config, method, identity)
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
-    _trainer(config, folder, keeper).test(method, datamodule=data, verbose=False)
+    trainer = _trainer(config, folder, keeper)
+    (folder / METRICS).unlink(missing_ok=True)  # not before the trainer is known to be a valid one
+    trainer.test(method, datamodule=data, verbose=False)
     about = {"request_sha256": request, "key": key, "identity": identity}
     return _record(config, folder, data, method, store, keeper, about)
 

@@ -137,6 +137,7 @@ def test_a_sweeper_is_given_the_map_from_processes_of_joblib(smoke_command, tmp_
     (plugins / "two.py").write_text(SWEEPER)
     environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
     sweep = ["--multirun", "hydra/sweeper=two", "hydra/launcher=joblib", "hydra.launcher.n_jobs=2", "data.limit=4"]
+    sweep += ["method.workers=2"]
     command = smoke_command("evaluate", *sweep)
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
