@@ -22,7 +22,7 @@ from symshrec.methods.detector import Detector, made
 from symshrec.methods.fit import refined
 from symshrec.methods.registry import check_method_name
 from symshrec.planes import Planes
-from symshrec.runs.config import as_overrides, load
+from symshrec.runs.config import as_overrides, load, settings_of
 
 if TYPE_CHECKING:
     from symshrec.methods.base import SymmetryMethod  # Lightning
@@ -155,7 +155,7 @@ def _made(name: str, arguments: str) -> Detector:
         raise ValueError(f"method {name} has no argument {unknown[0]!r}; it has {', '.join(valid)}")
     try:
         config.method = OmegaConf.merge(config.method, chosen)
-        return made(name, OmegaConf.to_object(config.method))
+        return made(name, settings_of(config.method))
     except (ValueError, OmegaConfBaseException) as error:
         text = str(error.__cause__ or error).splitlines()[0]
         raise ValueError(text if text.startswith("method ") else f"method {name}: {text}") from error

@@ -54,6 +54,17 @@ class LabelledCloud:
     name: str
 
     @property
+    def truth(self) -> Planes:
+        """The true planes, where they must be known.
+
+        Raises:
+            ValueError: where they are withheld.
+        """
+        if self.planes is None:
+            raise ValueError(f"the true planes of cloud {self.name} are withheld; take a split that has them")
+        return self.planes
+
+    @property
     def diagonal(self) -> float:
         """Length of the diagonal of the axis-aligned bounding box, in the cloud's units (§2.3's scale for ε), in
         float64."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from symshrec.benchmark.config import CitrusForm, CurveSampling, CurvesConfig, PetalFrequency
+from symshrec.benchmark.ranges import uniform_in, whole_in
 
 ARC_LENGTH_CHORDS = 8192
 TURN = (-np.pi, np.pi)
@@ -63,10 +64,6 @@ def draw_curve(family: str, rng: np.random.Generator, config: CurvesConfig) -> C
     return CURVES[family](rng, config)
 
 
-def _integer(rng, bounds) -> int:
-    return int(rng.integers(bounds[0], bounds[1], endpoint=True))
-
-
 def _lines(count: int) -> np.ndarray:
     """Directions of `count` mirror lines, evenly spread from the x axis on."""
     return np.arange(count) * np.pi / count
@@ -93,7 +90,7 @@ def astroid(rng: np.random.Generator, config: CurvesConfig) -> Curve:
 
 def citrus(rng: np.random.Generator, config: CurvesConfig) -> Curve:
     """x = u − a/2, y = ± b √((a − u)³u³) / a² (or / (a² b)), u in [0, a): two mirror lines."""
-    a, b = config.citrus_a, _integer(rng, config.citrus_b)
+    a, b = config.citrus_a, whole_in(rng, config.citrus_b)
     factor = (b if config.citrus_form is CitrusForm.multiply else 1 / b) / a**2
 
     def trace(u):
@@ -105,14 +102,14 @@ def citrus(rng: np.random.Generator, config: CurvesConfig) -> Curve:
 
 def m_convexities(rng: np.random.Generator, config: CurvesConfig) -> Curve:
     """ρ = a / (1 + b cos(m u)): m mirror lines."""
-    a, b = rng.uniform(*config.convexities_a), rng.uniform(*config.convexities_b)
-    m = _integer(rng, config.convexities_m)
+    a, b = uniform_in(rng, config.convexities_a), uniform_in(rng, config.convexities_b)
+    m = whole_in(rng, config.convexities_m)
     return Curve({"a": a, "b": b, "m": m}, _polar(lambda u: a / (1 + b * np.cos(m * u))), _lines(m))
 
 
 def geometric_petal(rng: np.random.Generator, config: CurvesConfig) -> Curve:
     """ρ = a + b cos(n u), n = 2m or m: n mirror lines."""
-    a, b, m = rng.uniform(*config.petal_a), _integer(rng, config.petal_b), _integer(rng, config.petal_m)
+    a, b, m = uniform_in(rng, config.petal_a), whole_in(rng, config.petal_b), whole_in(rng, config.petal_m)
     n = 2 * m if config.petal_frequency is PetalFrequency.two_m else m
     return Curve({"a": a, "b": b, "m": m}, _polar(lambda u: a + b * np.cos(n * u)), _lines(n))
 

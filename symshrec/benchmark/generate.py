@@ -5,6 +5,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -84,7 +85,7 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
     root = Path(root)
     with sole_writer(root):
         remove_temporaries(root)
-        request = {"generator_version": GENERATOR_VERSION, "config": _influential(config)}
+        request: dict[str, Any] = {"generator_version": GENERATOR_VERSION, "config": _influential(config)}
         manifest = read_manifest(root) if (root / MANIFEST).exists() else None
         tasks = _tasks(config)
         _refuse_other(root, request, manifest, tasks)
@@ -171,7 +172,7 @@ def _recorded(root: Path, task: _Task) -> ShardRecord | None:
 
 def _estimate(config: BenchmarkConfig, tasks: list[_Task]) -> int:
     """Bytes that the tasks' shards will take, from a few clouds of each split."""
-    total = 0
+    total = 0.0
     for split in {task.split for task in tasks}:
         clouds = [
             generate_cloud(config, split, index) for index in range(min(PROBED_CLOUDS, config.splits[split].clouds))
@@ -218,7 +219,7 @@ def _write_shard(config: BenchmarkConfig, root: Path, task: _Task, expected: str
     record = ShardRecord(
         **asdict(task),
         points=sum(len(cloud.points) for cloud in clouds),
-        max_planes=max(len(cloud.planes) for cloud in clouds),
+        max_planes=max(len(cloud.truth) for cloud in clouds),
         families=dict(Counter(cloud.labels.family for cloud in clouds)),
         solids=dict(Counter(cloud.labels.solid for cloud in clouds)),
         perturbations=dict(Counter(cloud.labels.perturbation for cloud in clouds)),

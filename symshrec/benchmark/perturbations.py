@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from symshrec.benchmark.config import DrawnPer, NoiseConfig, NoiseShift
+from symshrec.benchmark.ranges import uniform_in, whole_in
 
 Perturbed = tuple[np.ndarray, dict[str, float]]
 
@@ -32,7 +33,7 @@ def gaussian_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseCo
 
 def undersampling(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
     """P3: a random share of the points is removed; the rest keep their order, and at least one stays."""
-    share = rng.uniform(*config.removed_fraction)
+    share = uniform_in(rng, config.removed_fraction)
     removed = min(round(share * len(points)), len(points) - 1)
     keep = np.ones(len(points), dtype=bool)
     keep[_rows(len(points), removed, rng)] = False
@@ -58,7 +59,7 @@ def cut_away(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) 
     The plane's direction is uniform on the sphere, and it lies where it cuts off just that share; the hole is the ball
     about its point that holds just that share. The rest keep their order, and at least one stays.
     """
-    share = rng.uniform(*config.hard.cut_fraction)
+    share = uniform_in(rng, config.hard.cut_fraction)
     hole = rng.random() < config.hard.hole_probability
     if hole:
         depths = -np.linalg.norm(points - points[rng.integers(len(points))], axis=1)
@@ -84,7 +85,7 @@ def outliers(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) 
 
     All true points stay, in their order, and so does the bounding box.
     """
-    share = rng.uniform(*config.hard.outlier_fraction)
+    share = uniform_in(rng, config.hard.outlier_fraction)
     added = rng.uniform(points.min(axis=0), points.max(axis=0), (round(share * len(points)), 3))
     rows = rng.integers(len(points), size=len(added), endpoint=True)
     return np.insert(points, rows, added, axis=0), {"outlier_fraction": share}
@@ -92,7 +93,7 @@ def outliers(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) 
 
 def few_points(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
     """P9: a random few of the points are left, their number uniform between two ends; they keep their order."""
-    left = min(int(rng.integers(*config.hard.few_points, endpoint=True)), len(points))
+    left = min(whole_in(rng, config.hard.few_points), len(points))
     return points[np.sort(_rows(len(points), left, rng))], {"points_left": float(left)}
 
 
@@ -118,7 +119,7 @@ def _rows(total: int, count: int, rng: np.random.Generator) -> np.ndarray:
 
 def _moved(points, rng, config, choices, power, draw) -> Perturbed:
     """Shift a random share of the points by draw((k, 3 or 1)) / n^power, n from `choices`."""
-    share = rng.uniform(*config.fraction)
+    share = uniform_in(rng, config.fraction)
     rows = _rows(len(points), round(share * len(points)), rng)
     per_point = config.n_per is DrawnPer.point
     n = rng.choice(choices, (len(rows), 1)) if per_point else rng.choice(choices)

@@ -3,6 +3,7 @@
 import json
 import mmap
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from safetensors.numpy import save
@@ -14,7 +15,7 @@ from symshrec.files.foreign import is_whole, parse_json
 METADATA = "symshrec"  # a single key: safetensors does not keep several in a fixed order
 HEADER = "__metadata__"
 LABELS = ("family", "solid", "perturbation")
-DTYPES = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
+DTYPES: dict[str, type[np.generic]] = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
 ROUNDING = 1e-6  # that lengths of normals and rotations may be off one
 
 
@@ -31,14 +32,14 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
     arrays = {
         "points": np.concatenate([cloud.points for cloud in clouds]),
         "point_starts": _starts(len(cloud.points) for cloud in clouds),
-        "plane_normals": np.concatenate([cloud.planes.normals for cloud in clouds]),
-        "plane_points": np.concatenate([cloud.planes.points for cloud in clouds]),
-        "plane_starts": _starts(len(cloud.planes) for cloud in clouds),
+        "plane_normals": np.concatenate([cloud.truth.normals for cloud in clouds]),
+        "plane_points": np.concatenate([cloud.truth.points for cloud in clouds]),
+        "plane_starts": _starts(len(cloud.truth) for cloud in clouds),
         "family": np.array([FAMILIES.index(each.family) for each in labels], dtype=np.uint8),
         "solid": np.array([SOLIDS.index(each.solid) for each in labels], dtype=np.uint8),
         "perturbation": np.array([PERTURBATIONS.index(each.perturbation) for each in labels], dtype=np.uint8),
-        "rotation": np.stack([each.rotation for each in labels]),
-        "translation": np.stack([each.translation for each in labels]),
+        "rotation": np.array([each.rotation for each in labels], dtype=float),
+        "translation": np.array([each.translation for each in labels], dtype=float),
         "parameters": np.array([[each.parameters.get(name, np.nan) for name in names] for each in labels], dtype=float),
     }
     about = {
@@ -92,8 +93,8 @@ class MappedShard:
 
 def _view(content: mmap.mmap, start: int, name: str, entry) -> np.ndarray:
     """An array of the file by its entry in the header."""
-    fields = entry if isinstance(entry, dict) else {}
-    dtype, shape, offsets = (fields.get(key) for key in ("dtype", "shape", "data_offsets"))
+    fields: dict[str, Any] = entry if isinstance(entry, dict) else {}
+    dtype, shape, offsets = (fields.get(key, "") for key in ("dtype", "shape", "data_offsets"))
     known = isinstance(dtype, str) and dtype in DTYPES
     if not known or not all(isinstance(each, list) and all(map(is_whole, each)) for each in (shape, offsets)):
         raise ValueError(f"{name} has the entry {str(entry)[:80]}, which describes no array of a shard")

@@ -6,6 +6,7 @@ import numpy as np
 
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.benchmark.curves import draw_curve
+from symshrec.benchmark.ranges import uniform_in
 from symshrec.planes import Planes
 
 
@@ -41,7 +42,7 @@ def draw_shape(family: str, rng: np.random.Generator, config: BenchmarkConfig) -
     surface = config.surface
     curve = draw_curve(family, rng, config.curves)
     solid = "cylinder" if rng.random() < surface.cylinder_probability else "cone"
-    height = rng.uniform(*surface.height)
+    height = uniform_in(rng, surface.height)
     count = surface.citrus_points if family == "citrus" else surface.points
     section = curve.sample(count, rng, config.curves.sampling)
     shares = rng.random(count)

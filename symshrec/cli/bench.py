@@ -3,7 +3,7 @@
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from omegaconf import DictConfig
 
@@ -11,6 +11,8 @@ from symshrec.runs.command import entry
 from symshrec.runs.config import benchmark_of, load, method_of
 
 if TYPE_CHECKING:
+    from symshrec.methods.m1.module import M1
+    from symshrec.methods.m2.module import M2
     from symshrec.speed.timing import Timing
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
@@ -45,5 +47,5 @@ def _timings(workers: int) -> Iterator["Timing"]:
     m3, m4, fast = (method_of(load([f"experiment={name}"])) for name in ("m3_r1", "m4", "m4_fast"))
     clouds = benchmark_clouds(benchmark)
     yield from method_timings(m3, m4, fast, clouds)
-    yield from m1_timings(method_of(load(["experiment=m1_r4"])), clouds)
-    yield from m2_timings(method_of(load(["method=m2"])), clouds)
+    yield from m1_timings(cast("M1", method_of(load(["experiment=m1_r4"]))), clouds)
+    yield from m2_timings(cast("M2", method_of(load(["method=m2"]))), clouds)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
+from typing import cast
 
 from tqdm import tqdm
 
@@ -119,7 +120,8 @@ def _detector(options: argparse.Namespace) -> tuple[Detect, float]:
 
     method = named_method(options.method, **dict(options.set))
     threshold = method.count_threshold if options.min_confidence is None else options.min_confidence
-    return partial(detect, method=method, min_confidence=threshold, max_planes=options.max_planes), threshold
+    finds = partial(detect, method=method, min_confidence=threshold, max_planes=options.max_planes)
+    return cast(Detect, finds), threshold  # of arrays: Planes
 
 
 def _check(options: argparse.Namespace, files: list[Path]) -> None:

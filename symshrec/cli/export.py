@@ -97,7 +97,9 @@ def export_predictions(path: Path, out: Path, overwrite: bool = False) -> None:
 
 
 def _write_results(results: PredictedResults, out: Path, cloud: int) -> None:
-    write_results(out / RESULTS_FILE.format(id=cloud), results.get(cloud))
+    planes = results.get(cloud)
+    assert planes is not None  # `cloud` is one of `results.ids`
+    write_results(out / RESULTS_FILE.format(id=cloud), planes)
 
 
 def claim(out: Path, request: dict, earlier: Iterable[Path], overwrite: bool) -> None:

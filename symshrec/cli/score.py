@@ -152,4 +152,4 @@ def _case(results: Results, truth: Truth, place: int) -> tuple[float, Planes, Pl
     cloud = truth.clouds[int(truth.positions[place])]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConfidenceWarning)  # counted by `score`
-        return cloud.diagonal, cloud.planes, results.get(cloud.id)
+        return cloud.diagonal, cloud.truth, results.get(cloud.id)

@@ -39,7 +39,9 @@ class Clouds(Protocol):
 class Results(Protocol):
     """A method's planes by cloud ID: ResultsFolder or PredictedResults."""
 
-    ids: Sequence[int]
+    @property
+    def ids(self) -> Sequence[int]:
+        """Of the clouds that have results, ascending."""
 
     def get(self, cloud: int) -> Planes | None:
         """The planes of a cloud, None where it has none."""
@@ -85,9 +87,11 @@ class PredictedResults:
 
 
 def _threshold(text: str | None, path: Path) -> float | None:
+    if text is None:
+        return None
     with suppress(ValueError):
-        if text is None or not math.isnan(float(text)):
-            return None if text is None else float(text)
+        if not math.isnan(float(text)):
+            return float(text)
     raise PredictionFileError(f"{path}: its count_threshold is {text[:40]!r}, which is no number; predict again")
 
 
@@ -116,6 +120,7 @@ def open_truth(root: Path, split: str | None, subset: Path | None, points: Path 
         ValueError: where the truth is withheld, and for `points` beside shards, which hold their own.
         OfficialFileError, ShardError: as `OfficialFolder` and `ShardedSplit`.
     """
+    clouds: ShardedSplit | OfficialFolder
     if holds_shards(root):
         if points is not None:
             raise ValueError(f"{root} holds shards, and those their points; leave out --points")

@@ -74,9 +74,10 @@ def open_scene(source: Path, cloud: int | None, split: str | None, predictions: 
         if cloud is not None or split is not None:
             raise ValueError(f"{source} is one file; an ID or --split is for a folder of clouds")
         return _file_scene(source, predictions)
+    clouds: ShardedSplit | OfficialFolder
     if holds_shards(source):
         clouds = ShardedSplit(source, split or SHARDS_SPLIT, verify=False)
-        ids = range(len(clouds))
+        ids = list(range(len(clouds)))
     else:
         clouds = OfficialFolder(source, split=split)
         ids = clouds.ids.tolist()

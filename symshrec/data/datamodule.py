@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -38,7 +39,7 @@ def collate(items: Sequence[tuple[int, LabelledCloud, np.ndarray | None]]) -> Ba
     )
 
 
-def as_it_is(batch: SampledBatch) -> SampledBatch:
+def as_it_is(batch: Any) -> SampledBatch:
     """What the loader makes of a batch that is one already."""
     return batch
 
@@ -104,8 +105,8 @@ class SymmetryDataModule(LightningDataModule):
         self.settings, self.seed = settings, seed
         self.root, self.test_split = Path(settings.root), settings.test_split
         self.train_batch_size, self.steps_per_round = train_batch_size, steps_per_round
-        self.datasets: dict[str, Dataset] = {}
-        self._splits: dict[str, tuple] = {}
+        self.datasets: dict[str, SampledDataset | CloudDataset] = {}
+        self._splits: dict[str, ShardedSplit | OfficialFolder | CloudFolder] = {}
 
     def split(self, name: str):
         """The whole split `name`, opened once: ShardedSplit, OfficialFolder, or CloudFolder for training alone.

@@ -48,7 +48,7 @@ class RoundSampler(Sampler[list[int]]):
         return self.steps
 
     def __iter__(self) -> Iterator[list[int]]:
-        drawn, order = None, None
+        drawn = None
         for step in range(max(self.first, self.round * self.steps), (self.round + 1) * self.steps):
             epoch, place = divmod(step, self.epoch_steps)
             if epoch != drawn:

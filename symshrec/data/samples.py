@@ -41,7 +41,7 @@ def cached_samples(clouds, kind: SamplingKind, count: int, seed: int, folder: Pa
         indices = _read_chunk(path, digest)
         if indices is None or indices.shape != (stop - start, count) or indices.dtype != np.uint32:
             indices = _draw(clouds, range(start, stop), kind, count, seed)
-            checked = {"digest": digest, "sha256": hashlib.sha256(indices).hexdigest()}
+            checked = {"digest": digest, "sha256": hashlib.sha256(indices.data).hexdigest()}
             write_atomically(path, save({"indices": indices}, checked))
         chunks.append(indices)
         bar.update(stop - start)

@@ -5,15 +5,15 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
+from typing import Any
 
-import numpy as np
 from threadpoolctl import threadpool_limits
 
 from symshrec.files.processes import end_with_parent, main_left_out
 from symshrec.files.threads import one_thread
 from symshrec.planes import Planes
 
-Find = Callable[[np.ndarray, object], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
+Find = Callable[[Any, Any], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
 
 _shared: tuple = ()  # in a worker process, what it was given at its start
 
@@ -115,7 +115,7 @@ class DetectionPool(ProcessPool):
             raise RuntimeError(f"{error}; without planes: {lost}") from error
 
 
-def detect_named(detect: Find, name: str, points: np.ndarray, settings) -> Planes:
+def detect_named(detect: Find, name: str, points, settings) -> Planes:
     """`detect(points, settings)`, with the cloud's name in front of whatever it raises.
 
     Raises:

@@ -53,7 +53,11 @@ class Predictions(NamedTuple):
 
 
 def save_predictions(
-    path: Path, positions: Sequence[int], ids: Sequence[int], planes: PackedPlanes, metadata: Mapping[str, str]
+    path: Path,
+    positions: Sequence[int] | np.ndarray,
+    ids: Sequence[int] | np.ndarray,
+    planes: PackedPlanes,
+    metadata: Mapping[str, str],
 ) -> None:
     """Write one safetensors file, whole or not at all, clouds ordered by position.
 
@@ -256,5 +260,9 @@ def _digest(tensors: Mapping[str, np.ndarray], metadata: Mapping[str, str]) -> s
 
 def _joined(packs: Sequence[PackedPlanes]) -> PackedPlanes:
     """The clouds of several packs, one pack after the other."""
-    columns = (np.concatenate([getattr(each, name) for each in packs]) for name in ("normals", "points", "confidences"))
-    return PackedPlanes(*columns, np.concatenate([[0], np.cumsum(np.concatenate([each.counts for each in packs]))]))
+    return PackedPlanes(
+        np.concatenate([each.normals for each in packs]),
+        np.concatenate([each.points for each in packs]),
+        np.concatenate([each.confidences for each in packs]),
+        np.concatenate([[0], np.cumsum(np.concatenate([each.counts for each in packs]))]),
+    )

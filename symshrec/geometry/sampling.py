@@ -29,7 +29,7 @@ def farthest_point_sampling(points: Tensor, lengths: Tensor, count: int) -> Tens
         raise ValueError(f"count is {count}; at least one point must be sampled")
     if not len(lengths) or int(lengths.min()) < 1:
         raise ValueError(f"lengths are {lengths.tolist()}; every cloud needs at least one point")
-    padded = torch.nn.utils.rnn.pad_sequence(torch.split(points, lengths.tolist()), batch_first=True)  # (B, N, 3)
+    padded = torch.nn.utils.rnn.pad_sequence(list(torch.split(points, lengths.tolist())), batch_first=True)  # (B, N, 3)
     outside = torch.arange(padded.shape[1], device=points.device) >= lengths[:, None]
     centroids = padded.sum(1) / lengths[:, None]
     coordinates = padded.permute(2, 0, 1).contiguous()  # (3, B, N): long rows, fast reductions

@@ -116,6 +116,7 @@ class SymmetryMethod(LightningModule):
         Returns:
             The planes of every cloud, for callbacks to store and show.
         """
+        assert self.test_metric is not None  # since `on_test_start`
         planes = _filled(batch, self.known, self.planes_of)
         self.test_metric.update(planes, batch.truth, batch.diagonals, batch.labels, batch.positions)
         return planes

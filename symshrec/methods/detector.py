@@ -16,8 +16,11 @@ ARRAYS = ("m3",)  # work on arrays, wherever the points lie
 class Detector(Protocol):
     """What finds planes; every SymmetryMethod does. count_threshold, refine: as there."""
 
-    count_threshold: float
-    refine: bool
+    @property
+    def count_threshold(self) -> float: ...
+
+    @property
+    def refine(self) -> bool: ...
 
     def detect(self, points: Tensor) -> Planes:
         """The mirror planes of one cloud (N, 3), in its own coordinates and in any order.

@@ -2,6 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import is_dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -31,18 +32,19 @@ class LearnedMethod(SymmetryMethod):
 
     name: str  # of the method, in weights files
     Settings: type[LearnedSettings] = LearnedSettings
+    settings: LearnedSettings
     DETECTION: tuple[str, ...] = ()
+    val_metric: SymmetryMetric  # of the validation that runs or ran last
 
     def __init__(self, settings: LearnedSettings | None = None):
         super().__init__(settings)
         self.weights = [read_weights(name, self.name) for name in self.settings.weights]
         self.settings = self._with_those_of_weights(self.settings)
-        self.networks = nn.ModuleList(self.network_of(self.network_settings) for _ in self.weights or [None])
+        self.networks = nn.ModuleList(self.network_of(self.network_settings) for _ in range(len(self.weights) or 1))
         for network, weights in zip(self.networks, self.weights, strict=False):
             load_into(network, weights)
         self.optimiser, self.steps, self.seed, self.rotate = OptimiserSettings(), 1, 0, False
         self.cooldown_from: int | None = None
-        self.val_metric: SymmetryMetric | None = None
 
     @abstractmethod
     def network_of(self, settings) -> nn.Module:
@@ -154,7 +156,8 @@ class LearnedMethod(SymmetryMethod):
     def configure_optimizers(self) -> dict:
         named = [(each, each.ndim > 1 and not name.endswith("bias")) for name, each in self.named_parameters()]
         decayed, others = ([each for each, decays in named if decays is wanted] for wanted in (True, False))
-        groups = [{"params": decayed, "weight_decay": self.optimiser.weight_decay}, {"params": others}]
+        decay = self.optimiser.weight_decay
+        groups: list[dict[str, Any]] = [{"params": decayed, "weight_decay": decay}, {"params": others}]
         adamw = torch.optim.AdamW(groups, self.optimiser.learning_rate, weight_decay=0.0, fused=True)
         schedule = torch.optim.lr_scheduler.LambdaLR(
             adamw, lambda step: self.optimiser.factor(step, self.steps, self.cooldown_from)

@@ -3,11 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from enum import Enum
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from symshrec.files.foreign import is_whole
 
-Kind = TypeVar("Kind")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+Kind = TypeVar("Kind", bound="DataclassInstance")
 LARGEST = 65_536  # of a network that weights may bring: far above any that a machine could use
 DEEP = ("depth", "layers")  # settings that say how many layers there are
 HARMLESS = {"harmless": True}  # metadata of a field that decides nothing of the planes
@@ -48,9 +51,11 @@ class LearnedSettings(MethodSettings):
     Args:
         weights: names of shipped ones or .safetensors files, trainings of the same network that answer together; none
             leaves a network that must be trained first. Their content decides the planes, not their names.
+        network: the dataclass of the network's settings; each method puts its own kind here.
     """
 
     weights: tuple[str, ...] = field(default=(), metadata=HARMLESS)
+    network: Any = None
 
     def __post_init__(self):
         super().__post_init__()
@@ -85,10 +90,10 @@ def restored_settings(
     return kind(**values)
 
 
-def _restored(name: str, value, default, most: float):
+def _restored(name: str, value, default, most: int):
     """A plain value as one of its default's type."""
     wrong = ValueError(f"{name} is {str(value)[:40]!r}; it must be like {default} and a number at most {most}")
-    if is_dataclass(default):
+    if is_dataclass(default) and not isinstance(default, type):
         if not isinstance(value, Mapping):
             raise wrong
         return restored_settings(type(default), value, prefix=f"{name}.")

@@ -65,7 +65,7 @@ class SymmetryMetric(Metric):
     def update(
         self,
         predicted: Sequence[Planes],
-        truth: Sequence[Planes],
+        truth: Sequence[Planes | None],
         diagonals: Sequence[float] | Tensor,
         labels: Sequence[Labels],
         positions: Sequence[int],
@@ -80,12 +80,11 @@ class SymmetryMetric(Metric):
             raise ValueError(
                 f"predicted, truth, diagonals, labels, positions have lengths {lengths}; one per cloud each"
             )
-        withheld = [position for position, planes in zip(positions, truth, strict=True) if planes is None]
-        if withheld:
-            raise ValueError(
-                f"the truth of cloud {withheld[0]} is withheld; only clouds with true planes can be scored"
-            )
-        found, true = PackedPlanes.pack(predicted), PackedPlanes.pack(truth)
+        known = [planes for planes in truth if planes is not None]
+        if len(known) < len(truth):
+            withheld = positions[next(place for place, planes in enumerate(truth) if planes is None)]
+            raise ValueError(f"the truth of cloud {withheld} is withheld; only clouds with true planes can be scored")
+        found, true = PackedPlanes.pack(predicted), PackedPlanes.pack(known)
         clouds = np.stack([np.asarray(positions, dtype=np.int64), found.counts, true.counts], axis=1)
         self._append(clouds=clouds, diagonals=diagonals, names=_names(labels), predicted=_rows(found), true=_rows(true))
 

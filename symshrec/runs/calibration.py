@@ -41,9 +41,10 @@ def fitted(table: np.ndarray, truth: np.ndarray) -> list[float]:
 
 def _candidates(cloud: LabelledCloud) -> tuple[np.ndarray, np.ndarray]:
     frame = frame_of(cloud.points, M4Settings().points)
+    assert frame is not None  # a surface of the benchmark spreads in three directions
     with torch.inference_mode():
         normals, offsets, divergences = Search(frame.points, M4Settings()).planes()
-    planes, true = frame.planes(normals, offsets, divergences), cloud.planes
+    planes, true = frame.planes(normals, offsets, divergences), cloud.truth
     angles = np.rad2deg(axis_angles(planes.normals, true.normals))
     gaps = np.einsum("ktd,td->kt", planes.points[:, None] - true.points, true.normals)
     errors = np.maximum(angles, 100 * np.abs(gaps) / cloud.diagonal).min(1)

@@ -89,8 +89,9 @@ class one_line_errors:
 
 def _ended_by_lightning(error: BaseException | None) -> bool:
     """Whether Lightning has turned Ctrl-C into the end of the process, without a word."""
-    ends = isinstance(error, SystemExit) and not error.__suppress_context__
-    return ends and isinstance(error.__context__, KeyboardInterrupt)
+    if not isinstance(error, SystemExit) or error.__suppress_context__:
+        return False
+    return isinstance(error.__context__, KeyboardInterrupt)
 
 
 def _check(arguments: list[str], name: str) -> None:
@@ -137,4 +138,4 @@ def _choices(options: Namespace, folders: list[str]) -> tuple[list[str], list[li
     for each, alternatives in zip(discrete, choices, strict=True):
         if not alternatives:
             raise ValueError(f"the sweep {each.input_line} matches nothing in {conf_folder()}")
-    return [each.input_line for each in parsed if not each.is_sweep_override()], choices
+    return [str(each.input_line) for each in parsed if not each.is_sweep_override()], choices

@@ -93,7 +93,9 @@ def _writable(node: DictConfig) -> DictConfig:
     return node
 
 
-def load(overrides: Sequence[str] | None = None, folders: Sequence[str | Path] = (), name: str = MAIN) -> DictConfig:
+def load(
+    overrides: Sequence[str] | None = None, folders: Sequence[str | PathLike] = (), name: str = MAIN
+) -> DictConfig:
     """The configuration that these command-line overrides give.
 
     It is composed apart: a Hydra application that calls this keeps its own configuration, and threads wait for each
@@ -145,7 +147,7 @@ def _said(value: Any, key: str) -> str:
     raise ValueError(f"{key} is a {type(value).__name__}; a setting is text, a number, true or false, a list or None")
 
 
-def loader(folders: Sequence[str | Path] = (), overrides: Sequence[str] = ()) -> ConfigLoaderImpl:
+def loader(folders: Sequence[str | PathLike] = (), overrides: Sequence[str] = ()) -> ConfigLoaderImpl:
     """What finds files in conf/, then in `folders`, and the methods that overrides name, and composes them.
 
     Raises:
@@ -177,7 +179,7 @@ class _Apart(ConfigRepository):
         register(store, self.overrides)
         for source in self.sources:
             if source.scheme() == "structured":
-                source.store = store
+                source.store = store  # type: ignore[attr-defined]  # of the structured source alone
 
 
 @contextmanager
@@ -193,7 +195,7 @@ def hydra_apart() -> Iterator[None]:
             version.VersionBase.instance().version_base = before  # which `setbase` refuses where none was set
 
 
-def _composed(overrides: list[str], folders: Sequence[str | Path], name: str) -> DictConfig:
+def _composed(overrides: list[str], folders: Sequence[str | PathLike], name: str) -> DictConfig:
     with hydra_apart():
         config = loader(folders, overrides).load_configuration(name, overrides, RunMode.RUN, from_shell=False)
     with open_dict(config):
@@ -214,9 +216,14 @@ def so3_rows(config: DictConfig) -> list[str]:
     return [*config.rows.so3, *(f"{name}_refine" for name in config.rows.so3_refined)]
 
 
+def settings_of(node: DictConfig) -> Any:
+    """A part of the configuration as the dataclass that is its schema."""
+    return OmegaConf.to_object(node)
+
+
 def benchmark_of(config: DictConfig) -> BenchmarkConfig:
     """The benchmark that `config.data` describes, as plain dataclasses."""
-    return OmegaConf.to_object(config.data.benchmark)
+    return settings_of(config.data.benchmark)
 
 
 def method_of(config: DictConfig) -> "SymmetryMethod":
@@ -226,7 +233,7 @@ def method_of(config: DictConfig) -> "SymmetryMethod":
         ValueError: for arguments that the method refuses, or weights that are not there.
     """
     try:
-        settings = OmegaConf.to_object(config.method)
+        settings = settings_of(config.method)
         method = method_class(config.method.name)(settings)
     except (ValueError, OmegaConfBaseException) as error:
         text = str(error.__cause__ or error).splitlines()[0]
@@ -235,7 +242,7 @@ def method_of(config: DictConfig) -> "SymmetryMethod":
     return method
 
 
-def _explain(error: Exception, overrides: list[str], folders: Sequence[str | Path], name: str) -> str:
+def _explain(error: Exception, overrides: list[str], folders: Sequence[str | PathLike], name: str) -> str:
     """What is wrong, without Hydra's hints at its inside; of an unknown key, the valid ones in its place."""
     text = f"{error}\n{error.__cause__ or ''}"
     unknown = re.search(r"Key '(\w+)' (?:is )?not in '?(?:struct|\w+)'?\s+full_key: (\S+)", text)

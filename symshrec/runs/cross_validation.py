@@ -25,7 +25,9 @@ def fold_spread(config: DictConfig) -> tuple[list[int], dict[str, tuple[float, f
         if path.is_file():
             records[fold] = json.loads(path.read_text())
     own = records.get(config.data.fold)
-    same = {fold: each for fold, each in records.items() if own and _but_fold(each) == _but_fold(own)}
+    if own is None:
+        return [], {}
+    same = {fold: each for fold, each in records.items() if _but_fold(each) == _but_fold(own)}
     if len({each["fold"] for each in same.values()}) < 2:
         return [], {}
     figures = {name: [each["validation"][name] for each in same.values()] for name in own["validation"]}

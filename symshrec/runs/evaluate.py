@@ -19,7 +19,7 @@ from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.fit import REFINEMENT_VERSION
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
-from symshrec.runs.config import method_of
+from symshrec.runs.config import method_of, settings_of
 from symshrec.runs.folders import claimed, refuse_other_data
 from symshrec.runs.identity import digest, run_identity, unrefined
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
@@ -34,7 +34,7 @@ TIMES = "seconds.txt"  # beside the predictions: clouds and seconds of every bat
 def datamodule_of(config: DictConfig) -> SymmetryDataModule:
     """The datamodule that `config.data` describes."""
     order = (config.train.batch_size, config.train.steps_per_round)
-    return SymmetryDataModule(OmegaConf.to_object(config.data), config.seed, *order)
+    return SymmetryDataModule(settings_of(config.data), config.seed, *order)
 
 
 def evaluate(config: DictConfig, method: SymmetryMethod | None = None) -> dict:
@@ -153,6 +153,7 @@ def _partial(config: DictConfig, folder: Path, data: SymmetryDataModule, method:
     """Detect and score what a shortened test comes to, and store none of it; loggers alone write into `folder`."""
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     _trainer(config, folder).test(method, datamodule=data, verbose=False)
+    assert method.test_metric is not None  # since `measure_at`
     scores, labels, _ = method.test_metric.evaluation()
     return {
         "name": config.title,

@@ -16,7 +16,7 @@ DATA = "data.json"  # root and fingerprint of the data whose results a folder ho
 
 def is_first_process() -> bool:
     """Whether this is the process that writes; of several that train together, the others never do."""
-    return rank_zero_only.rank == 0
+    return rank_zero_only.rank == 0  # type: ignore[attr-defined]  # set, but not declared
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -122,7 +123,7 @@ def _path(kind: type) -> str:
     return f"{kind.__module__}.{kind.__qualname__}"
 
 
-def _plain(value: object) -> object:
+def _plain(value: object) -> Any:
     """A setting as JSON holds it: enums by name, files by content, dataclasses without their harmless fields."""
     if is_dataclass(value) and not isinstance(value, type):
         kept = (each for each in fields(value) if not each.metadata.get("harmless"))

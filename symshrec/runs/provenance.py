@@ -24,7 +24,7 @@ def code_version() -> dict[str, str | bool | None]:
             return None
         return done.stdout.strip() if done.returncode == 0 else None
 
-    changes = git("status", "--porcelain", "--untracked-files=no", "--", folder)
+    changes = git("status", "--porcelain", "--untracked-files=no", "--", str(folder))
     return {
         "version": symshrec.__version__,
         "commit": git("rev-parse", "HEAD"),

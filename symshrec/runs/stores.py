@@ -72,7 +72,7 @@ def stored_keys(place: Path) -> set[str]:
     return keys
 
 
-def lacking(folder: Path, key: str, clouds: int) -> str:
+def lacking(folder: Path, key: str | None, clouds: int) -> str:
     """What is wrong with the predictions of a finished run; nothing where they are whole and its own.
 
     Args:

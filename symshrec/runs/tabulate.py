@@ -67,7 +67,7 @@ def tabulate(config: DictConfig) -> Tabulated:
     refined, refinement = write_refinement(compared, folder, provenance(results))
     searched = [each for name, each in compared.items() if not is_oracle(main.results[name])]
     files += refined + make_result_figures(results, folder, searched)
-    _record(folder, files, apart.values())
+    _record(folder, files, list(apart.values()))
     remarks = [f"left out: {line}" for rows in apart.values() for line in rows.left_out]
     if main.missing:
         remarks.append(f"not run, so left out: {', '.join(main.missing)}")

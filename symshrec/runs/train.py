@@ -19,8 +19,8 @@ from symshrec.data.settings import SamplingKind
 from symshrec.files.atomic import write_atomically
 from symshrec.methods.learned import LearnedMethod
 from symshrec.methods.optimiser import Schedule
-from symshrec.methods.registry import settings_class
-from symshrec.methods.settings import LearnedSettings, plain_settings
+from symshrec.methods.registry import method_class
+from symshrec.methods.settings import plain_settings
 from symshrec.methods.weights import write_weights
 from symshrec.runs.checkpoints import (
     LAST,
@@ -31,7 +31,7 @@ from symshrec.runs.checkpoints import (
     settle,
     steps_done,
 )
-from symshrec.runs.config import method_of
+from symshrec.runs.config import method_of, settings_of
 from symshrec.runs.evaluate import datamodule_of
 from symshrec.runs.folders import claimed, is_first_process, is_of_this_root, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
@@ -82,7 +82,7 @@ def train(config: DictConfig) -> dict | None:
         ValueError: where the folder holds a training of other settings or data, or the method has nothing to train.
         FolderInUseError: where another process trains in this folder. CheckpointError: where no checkpoint is sound.
     """
-    if not issubclass(settings_class(config.method.name), LearnedSettings):
+    if not issubclass(method_class(config.method.name), LearnedMethod):
         raise ValueError(f"method={config.method.name} has nothing to train")
     config = config.copy()
     config.method.weights = []
@@ -109,7 +109,7 @@ def _trained(config: DictConfig, folder: Path) -> dict | None:
         log.info("%s is trained: %s", config.title, folder / WEIGHTS)
         return finished
     seed_everything(config.seed, workers=True, verbose=False)
-    method, data = method_of(config), datamodule_of(config)
+    method, data = _learner_of(config), datamodule_of(config)
     rounds, before = _prepare(config, method, data, folder)
     refuse_other_data(folder, config, data.split("train").fingerprint, going_on=True)
     start = checked_start(config.ckpt_path, method)
@@ -146,7 +146,7 @@ def _partial(config: DictConfig, folder: Path, why: list[str]) -> dict:
     if config.train.cooldown is not None:
         raise ValueError(f"trainer.{why[0]} and train.cooldown do not go together: a cool-down is a whole training")
     seed_everything(config.seed, workers=True, verbose=False)
-    method, data = method_of(config), datamodule_of(config)
+    method, data = _learner_of(config), datamodule_of(config)
     rounds, _ = _prepare(config, method, data, folder)
     progress = Progress()
     trainer = _trainer(config, folder, rounds, progress)
@@ -225,6 +225,12 @@ def _refuse_others(folder: Path, settings: dict[str, object]) -> None:
     )
 
 
+def _learner_of(config: DictConfig) -> LearnedMethod:
+    method = method_of(config)
+    assert isinstance(method, LearnedMethod)  # `train` refuses all others
+    return method
+
+
 def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule, folder: Path) -> tuple[int, dict]:
     """Give the method its schedule and what it starts from; returns the rounds of the training, and what is known of
     the training that it goes on from, empty where it starts from chance."""
@@ -235,7 +241,7 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
     if settings.cooldown is not None:
         begun = int(folder.name.removeprefix("cooldown_"))
         rounds, start = rounds + begun, begun * settings.steps_per_round
-    optimiser = OmegaConf.to_object(settings.optimiser)
+    optimiser = settings_of(settings.optimiser)
     method.learn_by(optimiser, rounds * settings.steps_per_round, config.seed, settings.rotate, start)
     before = {}
     if settings.init:
@@ -258,7 +264,8 @@ def _trainer(config: DictConfig, folder: Path, rounds: int, *callbacks: Callback
     warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
     warnings.filterwarnings("ignore", message="Be aware that when using `ckpt_path`")  # of Lightning's own checkpoints
     warnings.filterwarnings("ignore", message=".*your dataloader is not resumable")  # RoundSampler is, by its `first`
-    settings, shown = config.train, []
+    settings = config.train
+    shown: list[Callback] = []
     if config.trainer.enable_progress_bar:
         shown.append(TQDMProgressBar(refresh_rate=20))
     if config.logger:

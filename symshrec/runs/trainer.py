@@ -126,7 +126,7 @@ class LogScores(Callback):
 
     def on_test_end(self, trainer: Trainer, pl_module) -> None:
         others = [each for each in trainer.loggers if not isinstance(each, TensorBoardLogger)]
-        if not others or trainer.fast_dev_run:
+        if not others or trainer.fast_dev_run:  # type: ignore[attr-defined]  # set, but not declared
             return
         scores, labels, _ = pl_module.test_metric.evaluation()
         first = float(scores.thetas_deg[0]), float(scores.epsilons[0])

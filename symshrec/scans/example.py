@@ -33,7 +33,7 @@ def write_example(path: Path) -> None:
 def example_plane() -> Planes:
     """The chair's one mirror plane, between left and right."""
     pose = _pose()
-    return Planes([pose[:3, 0]], [pose[:3, 3]])
+    return Planes(pose[None, :3, 0], pose[None, :3, 3])
 
 
 def _pose() -> np.ndarray:

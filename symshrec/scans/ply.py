@@ -106,7 +106,8 @@ def _read_binary(content: bytes, at: int, order: str, elements: list[Element], c
         raise CloudFileError(f"{path}: it cannot be read as ply: {len(content) - at} bytes more than its header counts")
     triangles = np.zeros((0, 3), np.int64)
     if polygons is not None:
-        triangles = triangulated(*polygons, len(vertices), lambda row: f"{path}: face {row + 1}")
+        values, lengths = polygons
+        triangles = triangulated(values, lengths, len(vertices), lambda row: f"{path}: face {row + 1}")
     return Mesh(vertices, triangles)
 
 
@@ -115,7 +116,7 @@ def _binary_rows(content: bytes, at: int, order: str, element: Element, wanted: 
     lengths = _first_lengths(content, at, order, element) if element.count and element.counts else {}
     if max(lengths.values(), default=0) > len(content):
         return _uneven_rows(content, at, order, element, wanted, path)
-    row = []
+    row: list[tuple] = []
     for place, (name, kind) in enumerate(element.types.items()):
         if name in element.counts:
             row.append((f"count {place}", order + element.counts[name]))
@@ -186,12 +187,14 @@ def _unpack(content: bytes, at: int, order: str, kind: str, count: int) -> tuple
 
 def _read_text(content: bytes, at: int, order: str, elements: list[Element], corners: str | None, path: Path) -> Mesh:
     above = content[:at].count(b"\n")
-    lines = enumerate(content[at:].decode("utf-8", "replace").split("\n"), above + 1)
-    rows = [(line, words) for line, text in lines if (words := text.split())]
+    numbered = enumerate(content[at:].decode("utf-8", "replace").split("\n"), above + 1)
+    rows = [(line, words) for line, text in numbered if (words := text.split())]
     expected = sum(each.count for each in elements if each.types)
     if len(rows) != expected:
         raise CloudFileError(f"{path}: {len(rows)} of the {expected} lines that its header counts; {CUT}")
-    vertices, polygons, lines, start = np.zeros((0, 3)), [], [], 0
+    vertices, start = np.zeros((0, 3)), 0
+    polygons: list[list[int]] = []
+    lines: list[int] = []
     for element in elements:
         own = rows[start : start + element.count] if element.types else []
         start += len(own)

@@ -36,8 +36,8 @@ def triangulated(
         raise CloudFileError(f"{where(row)}: a face has {lengths[row]} corners, but needs three; remove it")
     ends = np.cumsum(lengths)
     try:
-        corners = np.asarray(corners, dtype=np.int64)
-        outside = (corners < 0) | (corners >= vertices)
+        indices = np.asarray(corners, dtype=np.int64)
+        outside = (indices < 0) | (indices >= vertices)
     except OverflowError:
         outside = np.array([not 0 <= corner < vertices for corner in corners])
     if outside.any():
@@ -47,7 +47,7 @@ def triangulated(
     fans = lengths - 2
     first = np.repeat(ends - lengths, fans)
     step = np.arange(len(first)) - np.repeat(np.cumsum(fans) - fans, fans)
-    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1)
+    return np.stack([indices[first], indices[first + step + 1], indices[first + step + 2]], axis=1)
 
 
 def of_polygons(polygons: list[list[int]], lines: list[int], vertices: int, path: Path) -> np.ndarray:

@@ -103,7 +103,10 @@ def _comments(path: Path) -> list[str]:
 
 def _columns(names: list[str]) -> tuple[int, int, int]:
     names = [name.strip("\"' ").lower() for name in names]
-    return tuple(names.index(axis) for axis in AXES) if set(AXES) <= set(names) else (0, 1, 2)
+    if not set(AXES) <= set(names):
+        return 0, 1, 2
+    x, y, z = map(names.index, AXES)
+    return x, y, z
 
 
 def _is_point(fields: list[str]) -> bool:

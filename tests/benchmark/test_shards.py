@@ -2,6 +2,7 @@
 
 import pickle
 import sys
+from dataclasses import replace
 from subprocess import run
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from symshrec.benchmark import shards
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
+from symshrec.benchmark.shard_file import encode_shard
 from symshrec.benchmark.shards import ShardedSplit, ShardError, read_manifest
 
 CONFIG = BenchmarkConfig(
@@ -52,6 +54,12 @@ def test_what_is_read_is_what_was_generated(pristine, split):
             assert named == (made.labels.family, made.labels.solid, made.labels.perturbation)
             assert named == (clouds.families[index], clouds.solids[index], clouds.perturbations[index])
         assert (read.id, read.name) == (made.id, made.name)
+
+
+def test_a_shard_of_clouds_without_truth_is_refused_by_name():
+    withheld = replace(generate_cloud(CONFIG, "test", 0), planes=None)
+    with pytest.raises(ValueError, match=f"cloud {withheld.name} are withheld"):
+        encode_shard([withheld], "test")
 
 
 def test_positions_outside_are_an_index_error_and_negative_ones_count_back(pristine):

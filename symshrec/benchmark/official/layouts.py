@@ -132,4 +132,6 @@ class Listing:
 
     def labels(self, cloud: int) -> Labels:
         """What the names of a cloud's files say about it."""
-        return self.layout.labels(self.layout.stem.fullmatch(self.stem(cloud)))
+        stem = self.layout.stem.fullmatch(self.stem(cloud))
+        assert stem  # `Layout.files` lists no other
+        return self.layout.labels(stem)

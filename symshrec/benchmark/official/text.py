@@ -86,7 +86,7 @@ def planes_of(rows: np.ndarray, path: Path, lines: np.ndarray) -> Planes:
     lengths = np.linalg.norm(rows[:, :3], axis=1)
     for row in np.flatnonzero((lengths < MIN_NORMAL_LENGTH) | ~np.isfinite(lengths))[:1]:
         raise complaint(path, int(lines[row]), f"the normal has length {lengths[row]:g}; a plane needs a direction")
-    return Planes(rows[:, :3], rows[:, 3:6], rows[:, 6] if rows.shape[1] > 6 else None)
+    return Planes(rows[:, :3], rows[:, 3:6], rows[:, 6] if rows.shape[1] > 6 else np.ones(len(rows)))
 
 
 def write_points(path: Path, points: np.ndarray) -> None:

@@ -31,9 +31,9 @@ class Frame:
 
     def planes(self, normals: Tensor, offsets: Tensor, confidences: Tensor | np.ndarray) -> Planes:
         """Planes n·x = offset of this frame, in the cloud's own coordinates, through the points nearest its centre."""
-        normals, offsets = normals.double().cpu().numpy(), offsets.double().cpu().numpy()
+        directions, distances = normals.double().cpu().numpy(), offsets.double().cpu().numpy()
         confidences = np.asarray(torch.as_tensor(confidences).cpu(), dtype=np.float64)
-        return Planes(normals, normals * offsets[:, None], confidences).transformed(
+        return Planes(directions, directions * distances[:, None], confidences).transformed(
             scale=self.scale, translation=self.centre
         )
 

@@ -48,26 +48,26 @@ def ascended(
     """
     floor = FLOOR * density.mean
     scatter = density.bandwidth * _scatter(len(points)).to(points.device)
-    best = likelihoods = information = None
+    best: tuple[Tensor, ...] | None = None
     share = torch.ones_like(offsets)
     for _ in range(steps):
         basis = tangents(normals)
         places = mirrored(points, normals, offsets)
         values, scores = _scores(density, points, normals, offsets, basis, places, floor)
-        now = (normals, offsets, basis, values.log().mean(1), scores.sum(1))
+        now: tuple[Tensor, ...] = (normals, offsets, basis, values.log().mean(1), scores.sum(1))
         if best is None:
             _, scattered = _scores(density, points, normals, offsets, basis, places + scatter, floor)
             information = scattered.mT @ scattered
             damping = DAMPING * information.diagonal(dim1=1, dim2=2).amax(1).clamp_min(NOTHING)
             information = information + torch.diag_embed(damping[:, None].expand(-1, 3))
         else:
-            lost = now[3] < likelihoods - WORSE
+            lost = now[3] < best[3] - WORSE
             now = tuple(
                 torch.where(lost.reshape(-1, *[1] * (new.dim() - 1)), old, new)
                 for old, new in zip(best, now, strict=True)
             )
             share = torch.where(lost, share / 4, (share * 2).clamp_max(1.0))
-        best, likelihoods = now, now[3]
+        best = now
         normals, offsets, basis, _, slopes = now
         relations = _relations(normals, offsets, tied)
         normals, offsets = stepped(normals, offsets, basis, information, slopes * share[:, None], longest, relations)

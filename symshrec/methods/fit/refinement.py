@@ -103,7 +103,9 @@ def refined(points, planes: Planes) -> Planes:
     return refine_planes(points, planes).planes
 
 
-def _ascended(points: Tensor, ladder, normals: Tensor, offsets: Tensor, together: bool):
+def _ascended(
+    points: Tensor, ladder, normals: Tensor, offsets: Tensor, together: bool
+) -> tuple[Tensor, Tensor, Tensor]:
     """The best of several ascents and of the start: normals, offsets and divergences at the finest bandwidth."""
     some, more = points[:COARSE_POINTS], points[:FINE_POINTS]
     *_, middle, fine = ladder

@@ -69,7 +69,7 @@ def dbscan(normals: np.ndarray, closeness: float, neighbours: int) -> np.ndarray
     return labels
 
 
-def _unlabelled(core: np.ndarray, labels: np.ndarray) -> Iterator[int]:
+def _unlabelled(core: np.ndarray, labels: np.ndarray) -> Iterator[np.intp]:
     """Core points without a cluster, one after the other, while `labels` fills up."""
     for point in np.flatnonzero(core):
         if labels[point] == NOISE:

@@ -45,10 +45,13 @@ class M1(LearnedMethod):
         said = [self._said(frame.apply(points), network, view) for network in self.networks for view in views]
         # a point's predictions side by side, so that the first points stay the first
         together = [torch.stack(each, 2).flatten(1, 2).double().cpu().numpy() for each in zip(*said, strict=True)]
-        return frame.restored([decode(*cloud, self.settings.decode) for cloud in zip(*together, strict=True)])
+        clouds = zip(*together, strict=True)
+        return frame.restored(
+            [decode(normals, sure, centres, self.settings.decode) for normals, sure, centres in clouds]
+        )
 
     @staticmethod
-    def _said(points: Tensor, network: M1Network, view: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _said(points: Tensor, network: nn.Module, view: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Normals (B, N, M, 3), confidences (B, N, M) and centres (B, N, 3), seen with the axes' signs of `view`."""
         view = view.to(points)
         dense = network(points * view)

@@ -106,7 +106,7 @@ class M1Network(nn.Module):
         super().__init__()
         features, (first, second), planes = settings.features, settings.hidden, settings.planes
         if settings.encoder is Encoder.pct:
-            self.encoder = PCT(settings.channels, settings.layers, features)
+            self.encoder: nn.Module = PCT(settings.channels, settings.layers, features)
         else:
             self.encoder = PointNet(features)
         self.pooling = SpatialPooling(features)

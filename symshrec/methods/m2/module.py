@@ -43,7 +43,7 @@ class M2(LearnedMethod):
             return weights
         tensors = {key: value for key, value in weights.tensors.items() if key.startswith(ENCODER)}
         tensors = {key.removeprefix(ENCODER): value for key, value in tensors.items()}
-        load_into(network.encoder, replace(weights, tensors=tensors))
+        load_into(network.get_submodule("encoder"), replace(weights, tensors=tensors))
         return weights
 
     def losses(self, batch: SampledBatch) -> dict[str, Tensor]:
@@ -52,7 +52,8 @@ class M2(LearnedMethod):
         count, queries = points.shape[1], None
         if self.training and self.settings.loss.queries is not None and self.settings.loss.queries < count:
             queries = torch.randperm(count, device=points.device)[: self.settings.loss.queries]
-        found = symmetry_loss(points, *self.networks[0](points), self.settings.loss.regularisation, queries)
+        normals, offsets = self.networks[0](points)
+        found = symmetry_loss(points, normals, offsets, self.settings.loss.regularisation, queries)
         return {"symmetry": found.symmetry, "regularisation": found.regularisation, "loss": found.total}
 
     def detect_sampled(self, points: Tensor) -> list[Planes]:

@@ -14,6 +14,7 @@ class M3(SymmetryMethod):
 
     name = "m3"
     Settings = M3Settings
+    settings: M3Settings
     version = 1
 
     def detect(self, points: Tensor) -> Planes:

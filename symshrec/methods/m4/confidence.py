@@ -29,6 +29,6 @@ def confidences(divergences: Tensor, count: int, calibration: tuple[float, ...])
     Args:
         calibration: the intercept, then the weights of the `features`.
     """
-    intercept, *weights = calibration
-    weights = torch.tensor(weights, dtype=torch.float64, device=divergences.device)
+    intercept, *others = calibration
+    weights = torch.tensor(others, dtype=torch.float64, device=divergences.device)
     return torch.sigmoid(intercept + features(divergences, count) @ weights)

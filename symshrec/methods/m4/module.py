@@ -14,6 +14,7 @@ class M4(SymmetryMethod):
 
     name = "m4"
     Settings = M4Settings
+    settings: M4Settings
     version = 2
 
     def detect(self, points: Tensor) -> Planes:

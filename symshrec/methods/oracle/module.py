@@ -37,16 +37,16 @@ class Oracle(SymmetryMethod):
         Raises:
             ValueError: naming a cloud whose truth is withheld.
         """
+        truth = []
         for name, planes in zip(batch.names, batch.truth, strict=True):
             if planes is None:
                 raise ValueError(f"cloud {name} has no true planes; method oracle needs labelled clouds")
+            truth.append(planes)
         centroids = [cloud.double().mean(0).cpu().numpy() for cloud in batch.clouds]
         distances = self.settings.offset * batch.diagonals.cpu().numpy()
         return [
             displaced(planes, centre, np.deg2rad(self.settings.angle_deg), distance, np.random.default_rng(position))
-            for planes, centre, distance, position in zip(
-                batch.truth, centroids, distances, batch.positions, strict=True
-            )
+            for planes, centre, distance, position in zip(truth, centroids, distances, batch.positions, strict=True)
         ]
 
 

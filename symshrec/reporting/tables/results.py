@@ -25,7 +25,7 @@ FIELDS = {  # of a metrics.json, as far as tables and figures read it; what may 
 }
 DATA = {"name": (str,), "split": (str,), "clouds": (int,), "manifest_sha256": (str, *NONE)}
 CODE = {"version": (str,), "commit": (str, *NONE)}
-PARTS = {  # what the lists hold
+PARTS: dict[str, dict[str, tuple]] = {  # what the lists hold
     "scores": {"metric": (str,), "group": (str,), "theta_deg": NUMBER, "epsilon": NUMBER, "value": NUMBER + NONE},
     "weights": {"name": (str,), "sha256": (str,), "about": (str,)},
     "precision_recall": {"theta_deg": NUMBER, "epsilon": NUMBER, "precision": (list,)},

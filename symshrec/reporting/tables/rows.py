@@ -96,7 +96,9 @@ def _partial(place: Path, result: dict) -> str:
 
 
 def _check_manifest(results: dict[str, dict], manifest: str | None) -> None:
-    stale = [name for name, result in results.items() if manifest not in (None, result["data"].get("manifest_sha256"))]
+    if manifest is None:
+        return
+    stale = [name for name, result in results.items() if result["data"].get("manifest_sha256") != manifest]
     if stale:
         listed = ", ".join(f"{name} ({describe_data(results[name])})" for name in stale)
         raise ValueError(
