@@ -9,13 +9,29 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import save
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud, Labels
+from symshrec.benchmark.cloud import (
+    ALL_FAMILIES,
+    ALL_SOLIDS,
+    FAMILIES,
+    HARD_PERTURBATIONS,
+    PERTURBATIONS,
+    PUBLISHED_PERTURBATIONS,
+    SOLIDS,
+    LabelledCloud,
+    Labels,
+)
 from symshrec.benchmark.manifest import Manifest, damages, read_manifest
 from symshrec.files.atomic import ShardError
 from symshrec.planes import Planes
 
 METADATA = "symshrec"  # a single key: safetensors does not keep several in a fixed order
 DTYPES = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
+# The names that a shard may list, the shortest list that suffices: so longer ones change no shard made without them.
+NAMES = {
+    "family": (FAMILIES, ALL_FAMILIES),
+    "solid": (SOLIDS, ALL_SOLIDS),
+    "perturbation": (PUBLISHED_PERTURBATIONS, PUBLISHED_PERTURBATIONS + HARD_PERTURBATIONS, PERTURBATIONS),
+}
 MAPPED_SHARDS = 160  # each holds one file descriptor
 
 __all__ = ["Manifest", "ShardError", "ShardedSplit", "encode_shard", "read_manifest"]
@@ -28,29 +44,28 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
     family, solid, perturbation (C,) uint8, places in the names kept as metadata; rotation (C, 3, 3), translation (C, 3)
     and parameters (C, P) float64, NaN where a parameter does not apply.
     """
-    names = sorted({name for cloud in clouds for name in cloud.labels.parameters})
+    parameters = sorted({name for cloud in clouds for name in cloud.labels.parameters})
     labels = [cloud.labels for cloud in clouds]
-    published = all(each.perturbation in PUBLISHED_PERTURBATIONS for each in labels)
+    listed = {label: _shortest(label, {getattr(each, label) for each in labels}) for label in NAMES}
     arrays = {
         "points": np.concatenate([cloud.points for cloud in clouds]),
         "point_starts": _starts(len(cloud.points) for cloud in clouds),
         "plane_normals": np.concatenate([cloud.planes.normals for cloud in clouds]),
         "plane_points": np.concatenate([cloud.planes.points for cloud in clouds]),
         "plane_starts": _starts(len(cloud.planes) for cloud in clouds),
-        "family": np.array([FAMILIES.index(each.family) for each in labels], dtype=np.uint8),
-        "solid": np.array([SOLIDS.index(each.solid) for each in labels], dtype=np.uint8),
-        "perturbation": np.array([PERTURBATIONS.index(each.perturbation) for each in labels], dtype=np.uint8),
+        **{
+            label: np.array([names.index(getattr(each, label)) for each in labels], dtype=np.uint8)
+            for label, names in listed.items()
+        },
         "rotation": np.stack([each.rotation for each in labels]),
         "translation": np.stack([each.translation for each in labels]),
-        "parameters": np.array([[each.parameters.get(name, np.nan) for name in names] for each in labels], dtype=float),
+        "parameters": np.array([[each.parameters.get(name, np.nan) for name in parameters] for each in labels], dtype=float),
     }
     about = {
         "split": split,
         "first": clouds[0].id,
-        "parameters": names,
-        "family": FAMILIES,
-        "solid": SOLIDS,
-        "perturbation": PUBLISHED_PERTURBATIONS if published else PERTURBATIONS,
+        "parameters": parameters,
+        **listed,
     }
     return save(arrays, {METADATA: json.dumps(about, sort_keys=True)})
 
@@ -58,6 +73,10 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
 def cloud_name(split: str, index: int) -> str:
     """The name under which a generated cloud appears in lists and figures."""
     return f"{split}-{index:06d}"
+
+
+def _shortest(label: str, needed: set[str]) -> tuple[str, ...]:
+    return next(names for names in NAMES[label] if needed.issubset(names))
 
 
 def _starts(lengths) -> np.ndarray:

@@ -10,9 +10,8 @@ from sklearn.model_selection import StratifiedKFold
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
-from symshrec.benchmark.cloud import FAMILIES, SOLIDS, LabelledCloud
+from symshrec.benchmark.cloud import ALL_FAMILIES, ALL_SOLIDS, PERTURBATIONS, LabelledCloud
 from symshrec.benchmark.official import OfficialFolder
-from symshrec.benchmark.perturbations import PERTURBATIONS
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.data.batch import Batch, SampledBatch
 from symshrec.data.rounds import RoundSampler
@@ -126,7 +125,7 @@ class SymmetryDataModule(LightningDataModule):
         if not 0 <= fold < folds:
             raise ValueError(f"data.fold is {fold}; with {folds} folds it must be between 0 and {folds - 1}")
         self.keep = {"families": families, "perturbations": perturbations, "solids": solids}
-        known = {"families": FAMILIES, "perturbations": tuple(PERTURBATIONS), "solids": SOLIDS}
+        known = {"families": ALL_FAMILIES, "perturbations": PERTURBATIONS, "solids": ALL_SOLIDS}
         for name, wanted in self.keep.items():
             unknown = sorted(set(wanted or ()) - set(known[name]))
             if unknown:
