@@ -100,7 +100,9 @@ def floor(scene: Scene, rng: np.random.Generator, config: NoiseConfig) -> Pertur
     the points of the shape, both are thinned alike. True planes stay the shape's.
     """
     points, scan = scene.points, config.scan
-    times, off, turn, way = (rng.uniform(*each) for each in (scan.floor_width, scan.floor_offset, *2 * [(0, 2 * np.pi)]))
+    times, off, turn, way = (
+        rng.uniform(*each) for each in (scan.floor_width, scan.floor_offset, *2 * [(0, 2 * np.pi)])
+    )
     width = times * float(np.ptp(points[:, :2], axis=0).max())
     count = round(_density(points) * width**2)
     kept = min(1.0, scan.floor_most * len(points) / (len(points) + count))

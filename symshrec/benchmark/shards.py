@@ -59,7 +59,9 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
         },
         "rotation": np.stack([each.rotation for each in labels]),
         "translation": np.stack([each.translation for each in labels]),
-        "parameters": np.array([[each.parameters.get(name, np.nan) for name in parameters] for each in labels], dtype=float),
+        "parameters": np.array(
+            [[each.parameters.get(name, np.nan) for name in parameters] for each in labels], dtype=float
+        ),
     }
     about = {
         "split": split,
