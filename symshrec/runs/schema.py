@@ -41,6 +41,7 @@ class DataConfig:
     test_split: str = "test"
     validation_clouds: int | None = 1000
     hard: str = "hard_quick"  # the data whose P6–P9 stand beside this one's tables
+    scan: str = "scan_quick"  # and whose P10–P15
     sampling: SamplingConfig = field(default_factory=SamplingConfig)
     benchmark: BenchmarkConfig = field(default_factory=BenchmarkConfig)
 
@@ -127,6 +128,42 @@ class M4Config(MethodConfig):
     together: bool = True
     rounds: int = 10
     calibration: list[float] = field(default_factory=lambda: [1.759, -82.546, -60.19, 236.37])
+
+
+@dataclass
+class PcaIcpConfig(MethodConfig):
+    """A baseline; see symshrec.methods.baselines.pca_icp.PcaIcpSettings."""
+
+    _target_: str = "symshrec.methods.baselines.module.PcaIcp"
+    name: str = "pca_icp"
+    points: int = 8192
+    probes: int = 1000
+    rounds: int = 50
+    kept: float = 0.9
+    within: float = 2.0
+    separation_deg: float = 5.0
+    count_threshold: float = 0.7
+
+
+@dataclass
+class RansacConfig(MethodConfig):
+    """A baseline; see symshrec.methods.baselines.ransac.RansacSettings."""
+
+    _target_: str = "symshrec.methods.baselines.module.Ransac"
+    name: str = "ransac"
+    points: int = 8192
+    probes: int = 500
+    rounds: int = 30
+    kept: float = 0.9
+    within: float = 2.0
+    separation_deg: float = 5.0
+    pairs: int = 2000
+    first_probes: int = 32
+    starts: int = 100
+    coarse: float = 0.1
+    max_planes: int = 16
+    seed: int = 0
+    count_threshold: float = 0.7
 
 
 @dataclass
@@ -227,4 +264,12 @@ class Config:
     cards: list[str] = field(default_factory=list)
 
 
-METHODS = {"m1": M1Config, "m2": M2Config, "m3": M3Config, "m4": M4Config, "truth": TruthConfig}
+METHODS = {
+    "m1": M1Config,
+    "m2": M2Config,
+    "m3": M3Config,
+    "m4": M4Config,
+    "pca_icp": PcaIcpConfig,
+    "ransac": RansacConfig,
+    "truth": TruthConfig,
+}
