@@ -1,6 +1,7 @@
 """§5 Every table from finished runs, ours beside the published: `python experiments/tables.py data=quick|paper`.
 
-P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any."""
+P6–P9 come from the runs on `data.hard`, P10–P15 from those on `data.scan`, full rotations from those on <data>-so3,
+where there are any."""
 
 import shutil
 from collections.abc import Sequence
@@ -31,9 +32,11 @@ def tables(config: DictConfig) -> None:
         )
     _finished(config, data, config.cards)  # kept, and in no table
     hard = _finished(config, config.data.hard, config.tables)
+    scan = _finished(config, config.data.scan, config.tables)
     so3 = _finished(config, f"{config.data.name}-so3", config.tables_so3)
     finished = list(main.values())
-    written, text = write_tables(finished, results, hard=list(hard.values()), so3=list(so3.values()))
+    beside = {name: list(each.values()) for name, each in (("hard", hard), ("scan", scan), ("so3", so3))}
+    written, text = write_tables(finished, results, **beside)
     print(text)
     paths = {name: runs / name / "predictions" / WHOLE for name in main}
     compared = compare_runs(paths, datamodule_of(config).split(config.data.test_split))
