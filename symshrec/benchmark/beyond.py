@@ -71,13 +71,14 @@ class ScanConfig:
 class PlanelessConfig:
     """Shapes without a mirror plane, beyond the paper; ranges [low, high], ends included.
 
-    shear: how far a sheared shape leans for each unit of height. offset: between the axes of the two halves of a glued
-    one. bumps, bump_height, bump_width_deg: of a blob, which is the unit sphere with so many bumps or dents, each up to
-    so high (of the logarithm of the radius) and as wide as a Gaussian of this standard deviation.
+    shear: how far a sheared shape leans, in its heights, or where it is wider than high, in widths. offset: between the
+    axes of the two halves of a glued one. bumps, bump_height, bump_width_deg: of a blob, which is the unit sphere with
+    so many bumps or dents, each so high (of the logarithm of the radius) and as wide as a Gaussian of this standard
+    deviation.
     """
 
     shear: list[float] = field(default_factory=lambda: [0.5, 1.0])
-    offset: list[float] = field(default_factory=lambda: [0.2, 0.5])
+    offset: list[float] = field(default_factory=lambda: [0.3, 0.6])
     bumps: list[int] = field(default_factory=lambda: [6, 12])
-    bump_height: list[float] = field(default_factory=lambda: [0.3, 0.6])
+    bump_height: list[float] = field(default_factory=lambda: [0.4, 0.8])
     bump_width_deg: list[float] = field(default_factory=lambda: [20.0, 40.0])

@@ -12,6 +12,10 @@ from symshrec.benchmark.surfaces import Extrusion, Moved, Shape, Surface
 from symshrec.planes import Planes
 
 FEW_LINES = 4  # mirror lines of a curve that leaning can take all from; more are all near the direction of the lean
+ROUND = (
+    0.5  # least width of its curve beside the greatest: leaning hardly changes what a flat shape's own plane mirrors
+)
+WIDTH = 2.0  # about that of a unit-sized shape
 
 
 def draw_planeless(rng: np.random.Generator, config: BenchmarkConfig) -> Shape:
@@ -30,12 +34,12 @@ def sheared(rng: np.random.Generator, config: BenchmarkConfig) -> tuple[Surface,
     """
     while True:
         upright, parameters = _extrusion(rng, config, rng.uniform(*config.surface.height))
-        if len(upright.curve.mirror_angles) <= FEW_LINES:
+        if len(upright.curve.mirror_angles) <= FEW_LINES and _roundness(upright) >= ROUND:
             break
     shear, way = rng.uniform(*config.planeless.shear), _between(upright)
     leaning = np.eye(3)
-    leaning[:2, 2] = shear * np.array([np.cos(way), np.sin(way)])
-    return Moved(_unit_sized(upright), leaning, np.zeros(3)), parameters | {"shear": shear}
+    leaning[:2, 2] = shear * max(1.0, WIDTH / upright.height) * np.array([np.cos(way), np.sin(way)])
+    return Moved(_unit_sized(upright), leaning, np.zeros(3)), parameters | {"height": upright.height, "shear": shear}
 
 
 def glued(rng: np.random.Generator, config: BenchmarkConfig) -> tuple[Surface, dict[str, float]]:
@@ -134,6 +138,12 @@ def _unit_sized(extrusion: Extrusion) -> Moved:
     u = np.linspace(*extrusion.curve.domain, 2049)
     factor = 1 / extrusion.curve.points(u).max()
     return Moved(extrusion, np.diag([factor, factor, 1.0]), np.zeros(3))
+
+
+def _roundness(extrusion: Extrusion) -> float:
+    """The curve's smaller extent in x or y beside the greater."""
+    extents = np.ptp(extrusion.curve.points(np.linspace(*extrusion.curve.domain, 2049)), axis=0)
+    return float(extents.min() / extents.max())
 
 
 def _between(extrusion: Extrusion) -> float:
