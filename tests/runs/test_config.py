@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
+from symshrec.benchmark.cloud import HARD_PERTURBATIONS, SCAN_PERTURBATIONS
 from symshrec.benchmark.config import check_config
+from symshrec.methods.baselines.pca_icp import PcaIcpSettings
+from symshrec.methods.baselines.ransac import RansacSettings
 from symshrec.methods.m3.pipeline import M3Settings
 from symshrec.methods.m4.pipeline import M4Settings
 from symshrec.methods.oracle import Truth
@@ -20,13 +23,15 @@ RUNS = {
     "m1": ("m1", "m1_cpu", "r1", "r2", "r3", "r4", "r5", "r4_so3", "r1_plus", "r2_plus"),
     "m2": ("m2", "m2_cpu", "published", "confidence", "pretrain"),
     "m4": ("m4", "sharp", "fast"),
+    "pca_icp": ("pca_icp", "pca_icp_plain"),
+    "ransac": ("ransac", "ransac_plain"),
     "truth": ("truth", "near", "exact"),
 }  # of which method; the others are m3's
 NEEDS = {f"run/{run}": [f"method={method}"] for method, runs in RUNS.items() for run in runs}
 NEEDS |= {f"data/{name}": ["data.root=somewhere"] for name in ("official", "clouds")}
 M1_ROWS = ("m1_r1", "m1_r2", "m1_r3", "m1_r4")
 REFINED = (*M1_ROWS, "m2", "m3_r1", "m3_r2", "m1_r5", "m2_confidence")
-ROWS = (*REFINED, "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
+ROWS = (*REFINED, "pca_icp", "ransac", "m4", "m4_fast", *(f"{row}_refine" for row in REFINED), "oracle")
 SO3_ROWS = ("m1_r4", "m1_r4_so3", "m3_r1", "m4", "m1_r4_so3_refine")
 
 
@@ -43,17 +48,26 @@ def test_every_file_composes_and_instantiates(file):
 
 def test_scales_have_the_published_sizes():
     sizes = {"smoke": 84, "quick": 4830, "paper": 69_000, "x10": 690_000, "hard": 3600, "hard_quick": 84}
+    sizes |= {"scan": 7200, "scan_quick": 84, "planeless": 1200, "planeless_quick": 84}
     for scale, clouds in sizes.items():
         splits = benchmark_of(load([f"data={scale}"])).splits
         assert sum(each.clouds for each in splits.values()) == clouds
 
 
-def test_hard_data_has_p6_to_p9_evenly_and_stands_beside_its_scale():
-    for name, each in (("hard", 900), ("hard_quick", 21)):
+def test_hard_and_scan_data_have_their_perturbations_evenly_and_stand_beside_their_scale():
+    for name, names, each in (
+        ("hard", HARD_PERTURBATIONS, 900),
+        ("hard_quick", HARD_PERTURBATIONS, 21),
+        ("scan", SCAN_PERTURBATIONS, 600),
+        ("scan_quick", SCAN_PERTURBATIONS, 14),
+    ):
         splits = benchmark_of(load([f"data={name}"])).splits
-        assert splits["test"].perturbations == dict.fromkeys(("P6", "P7", "P8", "P9"), each)
+        assert splits["test"].perturbations == dict.fromkeys(names, each)
+        assert splits["test"].families is None
     assert load(["data=paper"]).data.hard == "hard"
     assert load(["data=quick"]).data.hard == "hard_quick"
+    assert load(["data=paper"]).data.scan == "scan"
+    assert load(["data=quick"]).data.scan == "scan_quick"
 
 
 @pytest.mark.parametrize("overrides", [["run=k250", "method.refine=true"], ["experiment=m3_r2_refine"]])
@@ -104,7 +118,10 @@ def test_a_sweep_with_one_bad_value_fails_before_its_first_job():
     assert "Launching" not in done.stdout
 
 
-@pytest.mark.parametrize(("method", "settings"), [("m3", M3Settings()), ("m4", M4Settings())])
+@pytest.mark.parametrize(
+    ("method", "settings"),
+    [("m3", M3Settings()), ("m4", M4Settings()), ("pca_icp", PcaIcpSettings()), ("ransac", RansacSettings())],
+)
 def test_the_schema_and_the_code_have_the_same_defaults(method, settings):
     assert method_of(load([f"method={method}"])).settings == settings
 

@@ -118,7 +118,7 @@ def gallery(seed: int = 2023) -> Figure:
 
 def planeless(seed: int = 2023, each: int = 2) -> Figure:
     """Shapes without a mirror plane, `each` of every kind."""
-    split = SplitConfig(60, perturbations={"P0": 60}, families={PLANELESS: 60})
+    split = SplitConfig(16, perturbations={"P0": 16}, families={PLANELESS: 16})
     config = BenchmarkConfig(seed=seed, pose=PoseConfig(group=PoseGroup.none), splits={"planeless": split})
     clouds = [generate_cloud(config, "planeless", index) for index in range(split.clouds)]
     shown = [cloud for kind in PLANELESS_SOLIDS for cloud in [c for c in clouds if c.labels.solid == kind][:each]]
