@@ -142,7 +142,7 @@ class PcaIcpConfig(MethodConfig):
     kept: float = 0.9
     within: float = 2.0
     separation_deg: float = 5.0
-    count_threshold: float = 0.7
+    count_threshold: float = 0.75
 
 
 @dataclass
@@ -163,7 +163,7 @@ class RansacConfig(MethodConfig):
     coarse: float = 0.1
     max_planes: int = 16
     seed: int = 0
-    count_threshold: float = 0.7
+    count_threshold: float = 0.75
 
 
 @dataclass

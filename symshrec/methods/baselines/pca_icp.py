@@ -30,7 +30,7 @@ class PcaIcpSettings:
     kept: float = 0.9
     within: float = 2.0
     separation_deg: float = 5.0
-    count_threshold: float = 0.7
+    count_threshold: float = 0.75
     workers: int = 1
     refine: bool = False
 

@@ -40,7 +40,7 @@ class RansacSettings:
     coarse: float = 0.1
     max_planes: int = 16
     seed: int = 0
-    count_threshold: float = 0.7
+    count_threshold: float = 0.75
     workers: int = 1
     refine: bool = False
 
