@@ -36,7 +36,8 @@ class Tabulated:
 def tabulate(config: DictConfig) -> Tabulated:
     """Write the tables and figures of all finished runs on `config.data` into `config.paths.tables`.
 
-    P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any.
+    P6–P9 come from the runs on `data.hard`, P10–P15 from those on `data.scan`, full rotations from those on <data>-so3,
+    where there are any.
 
     Raises:
         ValueError: where nothing has run yet, naming the command; for runs on another version of the data, for a
@@ -51,13 +52,15 @@ def tabulate(config: DictConfig) -> Tabulated:
             f"data={config.data.name} makes them"
         )
     hard = _rows(config, config.data.hard, table_rows(config))
+    scan = _rows(config, config.data.scan, table_rows(config))
     so3 = _rows(config, f"{config.data.name}-so3", so3_rows(config))
-    apart = {"main": main, "hard": hard, "so3": so3}
+    apart = {"main": main, "hard": hard, "scan": scan, "so3": so3}
     results = list(main.results.values())
     files, text = write_tables(
         results,
         folder,
         hard=list(hard.results.values()),
+        scan=list(scan.results.values()),
         so3=list(so3.results.values()),
         missing={name: rows.missing for name, rows in apart.items()},
     )
