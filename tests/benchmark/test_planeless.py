@@ -14,6 +14,7 @@ from symshrec.benchmark.planeless import KINDS
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.benchmark.surfaces import draw_shape
 from symshrec.data.datamodule import SymmetryDataModule
+from symshrec.data.settings import DataSettings
 from symshrec.metrics.torchmetric import SymmetryMetric
 from symshrec.planes import Planes
 
@@ -86,7 +87,7 @@ def test_no_plane_passes_through_shards_and_text_files(folder, tmp_path):
 
 
 def test_no_plane_passes_through_the_datamodule_and_is_scored(folder):
-    data = SymmetryDataModule(folder, batch_size=14, families=["planeless"])
+    data = SymmetryDataModule(DataSettings(root=str(folder), batch_size=14, families=["planeless"]))
     data.setup("test")
     (batch,) = data.test_dataloader()
     metric = SymmetryMetric(count_threshold=0.5)
