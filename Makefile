@@ -17,13 +17,15 @@ SCAN := $(if $(filter paper x10,$(SCALE)),scan,scan_quick)
 setup: $(STAMP)
 
 # Every file is held against its hash. setuptools comes first because antlr4, which has no wheel, is built with it. What
-# is still missing then are CUDA's libraries, where PyTorch's build wants them.
+# is still missing then are CUDA's libraries, where PyTorch's build wants them. PyTorch itself comes by its version alone:
+# its builds for CPUs and GPUs differ, and pip takes the one that this machine is set up for.
 $(STAMP): pyproject.toml constraints.txt constraints-cuda.txt
 	$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and 'symshrec needs Python 3.11 or newer; name one with make PYTHON=…')"
 	@echo "Setting up $(VENV): PyTorch and all that stands on it, a few minutes the first time"
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	sed -n '/^setuptools==/,/[^\\]$$/p' constraints.txt > $(VENV)/setuptools.txt
 	$(INSTALL) --require-hashes --requirement $(VENV)/setuptools.txt
+	$(INSTALL) $$(sed -n 's/^\(torch==[0-9.]*\).*/\1/p' constraints.txt)
 	$(INSTALL) --require-hashes --requirement constraints.txt
 	$(INSTALL) --editable .
 	$(BIN)/python -m pip check > $(VENV)/missing.txt || $(INSTALL) --require-hashes --requirement constraints-cuda.txt
@@ -41,26 +43,26 @@ lint: setup
 
 # Verifies what is there and makes what is missing; killed at any moment, it goes on where it was.
 data: setup
-	$(BIN)/python experiments/generate.py data=$(SCALE) workers=$(WORKERS)
-	$(BIN)/python experiments/generate.py data=$(HARD) workers=$(WORKERS)
-	$(BIN)/python experiments/generate.py data=$(SCAN) workers=$(WORKERS)
+	$(BIN)/symshrec generate data=$(SCALE) workers=$(WORKERS)
+	$(BIN)/symshrec generate data=$(HARD) workers=$(WORKERS)
+	$(BIN)/symshrec generate data=$(SCAN) workers=$(WORKERS)
 
 tables: data
-	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
-	$(BIN)/python experiments/evaluate.py --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
-	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
-	$(BIN)/python experiments/evaluate.py --multirun sweep=tables data=$(SCAN) method.workers=$(WORKERS)
-	$(BIN)/python experiments/tables.py data=$(SCALE)
+	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
+	$(BIN)/symshrec evaluate --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
+	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
+	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCAN) method.workers=$(WORKERS)
+	$(BIN)/symshrec tables data=$(SCALE)
 
 # Copies what `make tables` wrote under runs/ into results/, which git keeps.
 publish: setup
 	$(BIN)/python experiments/publish.py data=$(SCALE)
 
 figures: setup
-	$(BIN)/python experiments/figures.py
+	$(BIN)/symshrec figures
 
 bench: setup
-	$(BIN)/python experiments/bench.py
+	$(BIN)/symshrec bench
 
 clean:
 	rm -rf $(VENV) data runs

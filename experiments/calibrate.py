@@ -12,7 +12,8 @@ from omegaconf import DictConfig
 
 from symshrec.methods.m4.confidence import NAMES
 from symshrec.runs.calibration import fitted, labelled_candidates
-from symshrec.runs.config import benchmark_of, entry, load
+from symshrec.runs.command import entry
+from symshrec.runs.config import benchmark_of, load
 from symshrec.runs.provenance import code_version
 
 CLOUDS = 2700

@@ -7,7 +7,7 @@ from omegaconf import DictConfig
 from symshrec.files.atomic import write_atomically
 from symshrec.methods.weights import shipped, weights_folder
 from symshrec.reporting.cards import card_text
-from symshrec.runs.config import entry
+from symshrec.runs.command import entry
 
 
 @entry

@@ -9,7 +9,8 @@ from symshrec.benchmark.generate import generate_dataset
 from symshrec.reporting.tables.fingerprint import fingerprint_grid
 from symshrec.reporting.tables.results import read_result
 from symshrec.reporting.tables.typeset import markdown
-from symshrec.runs.config import benchmark_of, conf_folder, entry, load
+from symshrec.runs.command import entry
+from symshrec.runs.config import benchmark_of, conf_folder, load
 from symshrec.runs.evaluate import evaluate
 
 

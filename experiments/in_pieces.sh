@@ -26,8 +26,8 @@ data=()
 for word in "$@"; do
     case $word in data=* | data.benchmark* | data.root=*) data+=("$word") ;; esac
 done
-"$python" experiments/generate.py "${data[@]}" workers="$(nproc)"
-"$python" experiments/train.py "$@" train.max_minutes="$minutes" train.folder="$training"
+"$python" -m symshrec generate "${data[@]}" workers="$(nproc)"
+"$python" -m symshrec train "$@" train.max_minutes="$minutes" train.folder="$training"
 rm -f "$parts/whole" "$parts"/last.ckpt.*
 if [ -f "$training/training.json" ]; then
     cp "$training"/{settings.json,training.json,weights.safetensors} "$parts/"

@@ -2,7 +2,7 @@
 
 from omegaconf import DictConfig
 
-from symshrec.runs.config import entry
+from symshrec.runs.command import entry
 from symshrec.runs.tabulate import publish
 
 

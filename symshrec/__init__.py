@@ -3,9 +3,10 @@
 from importlib import import_module
 
 __version__ = "0.2.0"
-_HOMES = {"Planes": "planes", "TensorPlanes": "api", "detect": "api"}  # imported when first asked for
+_API = ("TensorPlanes", "detect", "evaluate", "train")
+_HOMES = {"Planes": "planes", **dict.fromkeys(_API, "api")}  # imported when first asked for
 
-__all__ = ["Planes", "TensorPlanes", "__version__", "detect"]
+__all__ = ["Planes", "TensorPlanes", "__version__", "detect", "evaluate", "train"]
 
 
 def __getattr__(name: str):

@@ -1,17 +1,20 @@
-"""`symshrec.detect`: the mirror planes of anyone's points, by any method, in the points' own coordinates."""
+"""The package from Python: `symshrec.detect`, the mirror planes of anyone's points in their own coordinates, and
+`symshrec.evaluate` and `symshrec.train`, the commands of these names."""
 
 import functools
 import json
 from contextlib import nullcontext
 from dataclasses import dataclass
-from typing import NamedTuple
+from os import PathLike, fspath
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import torch
-from omegaconf import OmegaConf
+from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from torch import Tensor
 
+from symshrec.files.processes import forked
 from symshrec.files.threads import one_thread
 from symshrec.geometry.straight import blocks, is_straight
 from symshrec.methods import DEFAULT
@@ -19,7 +22,10 @@ from symshrec.methods.detector import Detector, made
 from symshrec.methods.fit import refined
 from symshrec.methods.registry import check_method_name
 from symshrec.planes import Planes
-from symshrec.runs.config import load
+from symshrec.runs.config import as_overrides, load
+
+if TYPE_CHECKING:
+    from symshrec.methods.base import SymmetryMethod  # Lightning
 
 MOST_POINTS = 100_000  # that a method is given, unless told
 
@@ -46,6 +52,8 @@ def detect(
     Every method sees the cloud centred and scaled to diagonal 1, in single precision, so that neither unit nor position
     (of a survey, say, millions of metres from its origin) costs accuracy. The same points give the same planes.
 
+    It may be called from several threads, and in a process forked from one that has used torch.
+
     Args:
         points: (N, 3) real numbers in any unit, an array, anything that NumPy makes one of, or a tensor on any device.
         method: a name of conf/method, or a method that is ready for use.
@@ -63,6 +71,11 @@ def detect(
         ValueError: for another shape, values that are not finite, points in one place or on a straight line (which have
             infinitely many mirror planes), an unknown method or argument, or a limit out of its range.
     """
+    with one_thread() if forked() else nullcontext():
+        return _detect(points, method, min_confidence, max_planes, max_points, arguments)
+
+
+def _detect(points, method, min_confidence, max_planes, max_points: int, arguments: dict) -> Planes | TensorPlanes:
     _check_limits(min_confidence, max_planes, max_points)
     detector = _detector(method, arguments)
     frame = Frame.of(_as_array(points))
@@ -184,3 +197,85 @@ def _as_tensors(planes: Planes, points: Tensor) -> TensorPlanes:
     dtype = points.dtype if points.dtype.is_floating_point else torch.get_default_dtype()
     columns = (planes.normals, planes.points, planes.confidences)
     return TensorPlanes(*(torch.as_tensor(column, dtype=dtype, device=points.device) for column in columns))
+
+
+def evaluate(
+    *overrides: str,
+    method: "str | SymmetryMethod | None" = None,
+    folder: str | PathLike | None = None,
+    config_dir: str | PathLike | None = None,
+    **settings,
+) -> dict:
+    """A method over the test clouds, scored: what the command `symshrec evaluate` does, and the same stored run.
+
+        symshrec.evaluate("experiment=m4", "data=smoke")["scores"]
+        symshrec.evaluate(method=Mine(), data="quick", tolerance="sweep")
+
+    Args:
+        overrides: as on the command line, `KEY=VALUE`.
+        method: a name of conf/method, or a SymmetryMethod that is ready for use. Its run is called as its class, unless
+            `name` and `title` are set.
+        folder: of the run; None takes runs/<data>/<name>/<what else was changed>.
+        config_dir: a folder of your own configurations, searched after conf/.
+        settings: overrides too: groups and keys at the top by name, and further ones as dictionaries, such as
+            data="smoke", seed=1, trainer={"enable_progress_bar": False}.
+
+    Returns:
+        What metrics.json holds: `scores` is a list of {metric, group, theta_deg, epsilon, value}.
+
+    Raises:
+        ValueError: for an unknown key, a wrong value, or what the run cannot use, naming it.
+    """
+    from symshrec.runs import evaluate as runs  # Lightning, which `detect` does without
+
+    ready = None if method is None or isinstance(method, str) else method
+    if ready is not None and not isinstance(ready, runs.SymmetryMethod):
+        raise ValueError(f"method is a {type(ready).__name__}; give the name of one, or a SymmetryMethod")
+    config, words = _configuration(overrides, {"method": None if ready else method, **settings}, folder, config_dir)
+    if ready is None:
+        return runs.evaluate(config)
+    from symshrec.runs.ready import described
+
+    named = all(any(word.startswith(f"{key}=") for word in words) for key in ("name", "title"))
+    return runs.evaluate(described(config, ready, named), ready)
+
+
+def train(
+    *overrides: str,
+    folder: str | PathLike | None = None,
+    config_dir: str | PathLike | None = None,
+    **settings,
+) -> dict | None:
+    """Train a learned method, or go on where it was: what the command `symshrec train` does.
+
+        symshrec.train("experiment=m1_r4_cpu", data="quick", train={"epochs": 1})
+
+    Args:
+        folder: of the training, `train.folder`; None takes runs/<data>/training/<name>.
+        overrides, config_dir, settings: as for `evaluate`.
+
+    Returns:
+        What training.json holds; None where `train.max_minutes` ended it early.
+
+    Raises:
+        ValueError: as `evaluate`, and where the folder holds a training by other settings.
+    """
+    from symshrec.runs.train import train as run  # Lightning, which `detect` does without
+
+    config, _ = _configuration(overrides, settings, None, config_dir)
+    if folder is not None:
+        config.train.folder = fspath(folder)
+    return run(config)
+
+
+def _configuration(
+    overrides: tuple[str, ...], settings: dict, folder: str | PathLike | None, config_dir: str | PathLike | None
+) -> tuple[DictConfig, list[str]]:
+    """The configuration, and the overrides it was composed by."""
+    if wrong := [each for each in overrides if not isinstance(each, str)]:
+        raise ValueError(f"an override is {wrong[0]!r}; give strings of the form KEY=VALUE")
+    words = [*overrides, *as_overrides(settings)]
+    config = load(words, [] if config_dir is None else [config_dir])
+    if folder is not None:
+        config.folder = fspath(folder)
+    return config, words

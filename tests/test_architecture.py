@@ -8,6 +8,8 @@ import tomllib
 import zipfile
 from pathlib import Path
 
+import pytest
+
 import symshrec
 
 ROOT = Path(__file__).parents[1]
@@ -71,3 +73,11 @@ def test_a_wheel_brings_its_configuration_and_the_published_tables(tmp_path):
     command = [sys.executable, "-c", program]
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split() == [str(tmp_path / "site" / "symshrec" / "conf"), "250", "196"]
+
+
+@pytest.mark.parametrize("script", sorted(ROOT.glob("experiments/*.py")), ids=lambda path: path.stem)
+def test_every_script_of_this_repository_can_be_imported(script):
+    command = [sys.executable, script, "--help"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -141,7 +141,7 @@ def read_manifest(root: str | Path) -> Manifest:
         content = parse_json(path.read_bytes())
     except FileNotFoundError:
         state = "generation is unfinished" if (path.parent / REQUEST).exists() else "there are no shards here"
-        raise ShardError(f"{path} is missing: {state}; run experiments/generate.py for this folder") from None
+        raise ShardError(f"{path} is missing: {state}; run symshrec generate for this folder") from None
     except (OSError, ValueError) as error:
         raise ShardError(f"{path} is not readable ({error}); delete it and generate again") from error
     try:

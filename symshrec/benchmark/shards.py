@@ -97,8 +97,7 @@ class ShardedSplit:
         lines = [f"{self.root / each.file} {what}" for each, what in zip(self._records, found, strict=True) if what]
         if lines:
             raise ShardError(
-                "\n".join(lines)
-                + "\nRun experiments/generate.py with the configuration of this folder again: it keeps "
+                "\n".join(lines) + "\nRun symshrec generate with the configuration of this folder again: it keeps "
                 "whole shards and makes only these anew"
             )
 

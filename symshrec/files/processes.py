@@ -1,6 +1,7 @@
 """Worker processes that start light and never outlive the command that started them."""
 
 import multiprocessing
+import multiprocessing.context
 import os
 import signal
 import sys
@@ -9,6 +10,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import wait
 from types import ModuleType
+
+_forks: list[int] = []  # of this process's ancestry since the import
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=lambda: _forks.append(os.getpid()))
+
+
+def forked() -> bool:
+    """Whether this process is a fork of one that may have computed: of its threads, which torch's operations would wait
+    for in vain, it has none. On one thread they wait for nobody."""
+    kind = getattr(multiprocessing.context, "ForkProcess", ())
+    return bool(_forks) or isinstance(multiprocessing.current_process(), kind)
 
 
 def end_with_parent() -> None:

@@ -1,21 +1,27 @@
-"""Configurations of conf/, and the entry point that names what may be written where a key or a value is wrong."""
+"""Configurations of conf/, composed apart from whatever else uses Hydra in the same process."""
 
-import functools
+import copy
 import os
 import re
-import sys
-from collections.abc import Callable, Sequence
+import threading
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from enum import Enum
 from importlib.resources import files
+from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-import hydra
-from hydra import compose, initialize_config_dir
+from hydra import version
+from hydra._internal.config_loader_impl import ConfigLoaderImpl
+from hydra._internal.config_repository import ConfigRepository
+from hydra._internal.utils import create_config_search_path
+from hydra.core.config_search_path import ConfigSearchPath, SearchPathQuery
 from hydra.core.config_store import ConfigStore
-from hydra.core.global_hydra import GlobalHydra
-from hydra.core.override_parser.overrides_parser import OverridesParser
+from hydra.core.utils import setup_globals
 from hydra.errors import HydraException
-from omegaconf import DictConfig, OmegaConf
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf, open_dict
 from omegaconf.errors import OmegaConfBaseException
 
 from symshrec.benchmark.config import BenchmarkConfig
@@ -26,6 +32,15 @@ from symshrec.runs.schema import Config
 if TYPE_CHECKING:
     from symshrec.methods.base import SymmetryMethod  # Lightning, which takes seconds to import
 
+VERSION_BASE, MAIN = "1.3", "config"  # of Hydra's behaviour; the primary file of conf/
+_ONE_AT_A_TIME = threading.RLock()  # Hydra's parser, plugins and version base are shared by all threads
+if hasattr(os, "register_at_fork"):  # a child never inherits it locked by a thread that it does not have
+    os.register_at_fork(
+        before=_ONE_AT_A_TIME.acquire,
+        after_in_parent=_ONE_AT_A_TIME.release,
+        after_in_child=_ONE_AT_A_TIME.release,
+    )
+
 
 def conf_folder() -> Path:
     """conf/ of this checkout, or its copy inside an installed wheel."""
@@ -33,24 +48,25 @@ def conf_folder() -> Path:
     return packaged if packaged.is_dir() else Path(str(files("symshrec"))).parent / "conf"
 
 
-def register() -> None:
-    """Make the schema known to Hydra, and `${when:condition,text}`: the text where the condition holds, or nothing."""
+def register(store: ConfigStore | None = None, overrides: Sequence[str] = ()) -> None:
+    """Make the schema known to a store, Hydra's own unless another is given, and `${when:condition,text}` to all: the
+    text where the condition holds, or nothing. Methods of other packages are those that `overrides` name."""
     OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
     OmegaConf.register_new_resolver("join", ",".join, replace=True)
-    store = ConfigStore.instance()
+    store = ConfigStore.instance() if store is None else store
     store.store(name="schema", node=_writable(OmegaConf.structured(Config)))
     for name in BUILT_IN:
         store.store(group="method", name=f"{name}_schema", node=_method_node(name))
+    register_methods(overrides, store)
 
 
-def register_methods(overrides: Sequence[str]) -> None:
+def register_methods(overrides: Sequence[str], store: ConfigStore) -> None:
     """Let `method=NAME` choose a method of another package, by its entry point, or any class by its dotted path.
 
     Raises:
         ValueError: for one that cannot be imported or is no method.
     """
     values = (word.split("=", 1)[1] for word in overrides if word.startswith(("method=", "+method=")))
-    store = ConfigStore.instance()
     for name in (each.strip("'\" ") for value in values for each in value.split(",")):
         if not (conf_folder() / "run" / f"{name}.yaml").exists():  # a run of its own, called as the method is
             store.store(group="run", name=name, node={}, package="_global_")
@@ -77,21 +93,114 @@ def _writable(node: DictConfig) -> DictConfig:
     return node
 
 
-def load(overrides: list[str] | None = None) -> DictConfig:
+def load(overrides: Sequence[str] | None = None, folders: Sequence[str | Path] = (), name: str = MAIN) -> DictConfig:
     """The configuration that these command-line overrides give.
+
+    It is composed apart: a Hydra application that calls this keeps its own configuration, and threads wait for each
+    other.
+
+    Args:
+        overrides: as on the command line, `hydra.searchpath=[file://…]` among them.
+        folders: searched after conf/, as the command line's --config-dir is.
+        name: of the primary file, without `.yaml`.
 
     Raises:
         ValueError: for an unknown key or a value of the wrong kind, naming it and the valid ones.
     """
-    register()
-    register_methods(overrides or [])
+    overrides = list(overrides or [])
     try:
-        if GlobalHydra.instance().is_initialized():
-            return compose("config", overrides=overrides or [])
-        with initialize_config_dir(str(conf_folder()), version_base="1.3"):
-            return compose("config", overrides=overrides or [])
+        return _composed(overrides, folders, name)
     except (HydraException, OmegaConfBaseException) as error:
-        raise ValueError(_explain(error)) from error
+        raise ValueError(_explain(error, overrides, folders, name)) from error
+
+
+def as_overrides(settings: Mapping[str, Any], prefix: str = "") -> list[str]:
+    """Settings by key as command-line overrides; those in a dictionary below its key, those that are None left out
+    at the top and null below.
+
+    Raises:
+        ValueError: for a value that an override cannot say.
+    """
+    words = []
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            words += as_overrides(value, f"{prefix}{key}.")
+        elif value is not None or prefix:
+            words.append(f"{prefix}{key}={_said(value, prefix + key)}")
+    return words
+
+
+def _said(value: Any, key: str) -> str:
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, str | PathLike):
+        text = fspath(value)
+        return text if re.fullmatch(r"[\w./-]+|\$\{[^{}]*\}", text) else "'" + text.replace("'", "\\'") + "'"
+    if isinstance(value, Sequence):
+        return f"[{','.join(_said(each, key) for each in value)}]"
+    if value is None or isinstance(value, bool):
+        return {None: "null", True: "true", False: "false"}[value]
+    if isinstance(value, int | float):
+        return repr(value)
+    raise ValueError(f"{key} is a {type(value).__name__}; a setting is text, a number, true or false, a list or None")
+
+
+def loader(folders: Sequence[str | Path] = (), overrides: Sequence[str] = ()) -> ConfigLoaderImpl:
+    """What finds files in conf/, then in `folders`, and the methods that overrides name, and composes them.
+
+    Raises:
+        ValueError: for a folder that is not there.
+    """
+    path = create_config_search_path(str(conf_folder()))
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise ValueError(f"there is no folder {folder} to look for configurations in")
+        path.prepend("command-line", f"file://{Path(folder).absolute()}", SearchPathQuery(provider="schema"))
+    found = ConfigLoaderImpl(path)
+    found.repository = _Apart(path, overrides)
+    return found
+
+
+class _Apart(ConfigRepository):
+    """Sources of configurations whose stored ones are Hydra's and this package's: an application that stores some under
+    the same names, `config` for one, keeps them and does not meet them here."""
+
+    def __init__(self, config_search_path: ConfigSearchPath, overrides: Sequence[str] = ()):
+        self.overrides = tuple(overrides)
+        super().__init__(config_search_path)
+
+    def initialize_sources(self, config_search_path: ConfigSearchPath) -> None:
+        super().initialize_sources(config_search_path)
+        shared = ConfigStore.instance()
+        store = copy.copy(shared)
+        store.repo = {name: node for name, node in shared.repo.items() if name.startswith(("hydra", "_dummy"))}
+        register(store, self.overrides)
+        for source in self.sources:
+            if source.scheme() == "structured":
+                source.store = store
+
+
+@contextmanager
+def hydra_apart() -> Iterator[None]:
+    """Within, Hydra behaves as this package expects, for one thread at a time; afterwards as before."""
+    with _ONE_AT_A_TIME:
+        before = version.getbase()
+        version.setbase(VERSION_BASE)
+        setup_globals()  # ${now:…} and the like, which a file in the user's folders may use
+        try:
+            yield
+        finally:
+            version.VersionBase.instance().version_base = before  # which `setbase` refuses where none was set
+
+
+def _composed(overrides: list[str], folders: Sequence[str | Path], name: str) -> DictConfig:
+    with hydra_apart():
+        config = loader(folders, overrides).load_configuration(name, overrides, RunMode.RUN, from_shell=False)
+    with open_dict(config):
+        if "changed" in config:  # known here, and to ${hydra:…} only while a command runs
+            config.changed = config.hydra.job.override_dirname
+        del config["hydra"]
+    return config
 
 
 def table_rows(config: DictConfig) -> list[str]:
@@ -126,70 +235,20 @@ def method_of(config: DictConfig) -> "SymmetryMethod":
     return method
 
 
-def _explain(error: Exception) -> str:
+def _explain(error: Exception, overrides: list[str], folders: Sequence[str | Path], name: str) -> str:
+    """What is wrong, without Hydra's hints at its inside; of an unknown key, the valid ones in its place."""
     text = f"{error}\n{error.__cause__ or ''}"
     unknown = re.search(r"Key '(\w+)' (?:is )?not in '?(?:struct|\w+)'?\s+full_key: (\S+)", text)
     if not unknown:
         return "\n".join(line for line in text.splitlines() if line.strip() and "full stack trace" not in line)
     key = unknown[2]
-    whole = load()
+    try:
+        whole = _composed([each for each in overrides if each.partition("=")[0].lstrip("+~") != key], folders, name)
+    except (HydraException, OmegaConfBaseException):  # another mistake beside this one
+        whole = _composed([], (), MAIN)
     node = OmegaConf.select(whole, key.rpartition(".")[0]) if "." in key else whole
     valid = {str(each) for each in node} if isinstance(node, DictConfig) else set()
     if "." not in key:
         valid |= {folder.name for folder in conf_folder().iterdir() if folder.is_dir()}
-    return f"unknown key '{key}'; valid here: {', '.join(sorted(valid)) or 'none'}"
-
-
-def _check(arguments: list[str]) -> None:
-    """Compose every single alternative of every override once, so that a sweep fails before its first job."""
-    words = [word for word in arguments if not word.startswith("-") and "=" in word]
-    with initialize_config_dir(str(conf_folder()), version_base="1.3"):
-        loader = GlobalHydra.instance().config_loader()
-        parsed = [
-            each for each in OverridesParser.create(loader).parse_overrides(words) if not each.is_hydra_override()
-        ]
-        fixed = [each.input_line for each in parsed if not each.is_sweep_override()]
-        choices = [
-            [f"{each.get_key_element()}={value}" for value in each.sweep_string_iterator()]
-            for each in parsed
-            if each.is_sweep_override()
-        ]
-        if not all(choices):
-            raise ValueError(f"a sweep in {' '.join(words)} matches nothing in {conf_folder()}")
-        load([*fixed, *(alternatives[0] for alternatives in choices)])
-        for number, alternatives in enumerate(choices):
-            others = [each[0] for position, each in enumerate(choices) if position != number]
-            for alternative in alternatives[1:]:
-                load([*fixed, *others, alternative])
-
-
-def entry(task: Callable[[DictConfig], None]) -> Callable[[], None]:
-    """Make `task` a Hydra command over conf/config.yaml whose user errors are one line and exit status 2."""
-
-    @functools.wraps(task)
-    def guarded(config: DictConfig) -> None:
-        with _one_line_errors():
-            task(config)
-
-    def command() -> None:
-        register()
-        with _one_line_errors():
-            register_methods(sys.argv[1:])
-        if not any(word in ("--help", "-h", "--hydra-help", "--info", "-i") for word in sys.argv[1:]):
-            with _one_line_errors():
-                _check(sys.argv[1:])
-        hydra.main(version_base="1.3", config_path=str(conf_folder()), config_name="config")(guarded)()
-
-    return command
-
-
-class _one_line_errors:
-    """Turns a user's mistake (ValueError, OSError) into its message and exit status 2."""
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind, error, traceback) -> None:
-        if isinstance(error, ValueError | OSError) and not os.environ.get("HYDRA_FULL_ERROR"):
-            print(f"error: {error}", file=sys.stderr)
-            raise SystemExit(2) from None
+    more = f"; another argument of Lightning's Trainer needs a plus: +{key}=…" if key.startswith("trainer.") else ""
+    return f"unknown key '{key}'; valid here: {', '.join(sorted(valid)) or 'none'}{more}"

@@ -5,11 +5,9 @@ import json
 import logging
 import re
 import time
-import warnings
 from pathlib import Path
 
 from lightning import Callback, Trainer, seed_everything
-from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
 from symshrec.data.batch import Batch
@@ -21,12 +19,12 @@ from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.fit import REFINEMENT_VERSION
 from symshrec.metrics import Scores, grouped
 from symshrec.planes import Planes
-from symshrec.reporting.figures.tensorboard import TensorBoardResults
 from symshrec.runs.config import method_of
 from symshrec.runs.folders import claimed, refuse_other_data
 from symshrec.runs.identity import digest, run_identity, unrefined
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
 from symshrec.runs.stores import find_store, lacking, open_store
+from symshrec.runs.trainer import TEST_SHORTENED, LogScores, shortened, trainer_of
 
 log = logging.getLogger(__name__)
 METRICS = "metrics.json"  # written last
@@ -39,29 +37,37 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
     return SymmetryDataModule(OmegaConf.to_object(config.data), config.seed, *order)
 
 
-def evaluate(config: DictConfig) -> dict:
+def evaluate(config: DictConfig, method: SymmetryMethod | None = None) -> dict:
     """Detect, score and record: predictions.safetensors, config.yaml and, last, metrics.json in `config.folder`.
 
     A killed run goes on where it was. A finished one is left alone where nothing changed, only scored again where the
     tolerances did, and completed where its predictions are gone or damaged. Predictions of other settings in the folder
-    are kept aside, see `open_store`.
+    are kept aside, see `open_store`. A partial run (`trainer.fast_dev_run`, `limit_test_batches`) uses and leaves none
+    of these.
+
+    Args:
+        method: ready for use, and described by `config.method`; made from that where it is None.
 
     Returns:
-        What metrics.json holds. `partial` is true where the trainer was limited to fewer clouds than these; such a run
-        is not finished, and the same command without that limit goes on.
+        What metrics.json holds; of a partial run the same scores, with the arguments that shortened it as `partial`.
 
     Raises:
-        FolderInUseError: where another process works in this folder. ValueError: where it holds another data's results.
+        FolderInUseError: where another process works in this folder. ValueError: where it holds another data's results,
+            or for what the configuration cannot mean.
     """
+    if config.ckpt_path is not None:
+        raise ValueError("ckpt_path is for train; evaluate takes weights: method.weights=[FILE.safetensors]")
     folder = Path(config.folder)
     with claimed(folder):
-        return _evaluated(config, folder)
+        return _evaluated(config, folder, method)
 
 
-def _evaluated(config: DictConfig, folder: Path) -> dict:
+def _evaluated(config: DictConfig, folder: Path, method: SymmetryMethod | None) -> dict:
     """`evaluate` in a folder that no other process writes in."""
     seed_everything(config.seed, workers=True, verbose=False)
-    data, method = datamodule_of(config), method_of(config)
+    data, method = datamodule_of(config), method_of(config) if method is None else method
+    if why := shortened(config, TEST_SHORTENED):
+        return _partial(config, folder / "partial", data, method, why)
     refuse_other_data(folder, config, data.split(data.test_split).fingerprint)
     identity = identity_of(config, data, method)
     key, request = digest(identity), _request(config, method, identity)
@@ -72,11 +78,12 @@ def _evaluated(config: DictConfig, folder: Path) -> dict:
             return finished
         log.warning("%s: %s; predicting what is missing", config.title, lack)
     store = open_store(folder, identity)
-    (folder / METRICS).unlink(missing_ok=True)
     method.known, method.detected = dict(store.items()), _unrefined(config, method, identity)
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
-    _trainer(config, folder, keeper).test(method, datamodule=data, verbose=False)
+    trainer = _trainer(config, folder, keeper)
+    (folder / METRICS).unlink(missing_ok=True)  # not before the trainer is known to be a valid one
+    trainer.test(method, datamodule=data, verbose=False)
     about = {"request_sha256": request, "key": key, "identity": identity}
     return _record(config, folder, data, method, store, keeper, about)
 
@@ -142,6 +149,21 @@ class StorePredictions(Callback):
         }
 
 
+def _partial(config: DictConfig, folder: Path, data: SymmetryDataModule, method: SymmetryMethod, why: list) -> dict:
+    """Detect and score what a shortened test comes to, and store none of it; loggers alone write into `folder`."""
+    method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
+    _trainer(config, folder).test(method, datamodule=data, verbose=False)
+    scores, labels, _ = method.test_metric.evaluation()
+    return {
+        "name": config.title,
+        "method": config.method.name,
+        "run": config.run.name,
+        "partial": why,
+        "scores": [row._asdict() for row in grouped(scores, labels)],
+        "data": {"name": f"{config.data.name}{config.data.variant}", "split": data.test_split, "clouds": len(scores)},
+    }
+
+
 def _unrefined(config: DictConfig, method: SymmetryMethod, identity: dict) -> dict[int, Planes]:
     """Of a run with refinement, the planes that the same run without it has left; none where there is no such run."""
     if not method.refine:
@@ -154,19 +176,8 @@ def _unrefined(config: DictConfig, method: SymmetryMethod, identity: dict) -> di
 
 
 def _trainer(config: DictConfig, folder: Path, *callbacks: Callback) -> Trainer:
-    warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
-    logger, shown = False, []
-    if config.tensorboard.enabled:
-        logger = TensorBoardLogger(folder, name="", version="tensorboard", default_hp_metric=False)
-        shown = [TensorBoardResults(clouds=config.tensorboard.clouds)]
-    return Trainer(
-        **OmegaConf.to_container(config.trainer, resolve=True),
-        logger=logger,
-        callbacks=[*callbacks, *shown],
-        enable_checkpointing=False,
-        enable_model_summary=False,
-    )
+    quiet = {"max_epochs": 1, "enable_checkpointing": False, "enable_model_summary": False}
+    return trainer_of(config, folder, [*callbacks, LogScores()], **quiet)
 
 
 def _record(config, folder: Path, data, method, store: PredictionStore, keeper: StorePredictions, about: dict) -> dict:

@@ -67,7 +67,7 @@ def run_identity(
     Raises:
         ValueError: see `method_identity`.
     """
-    weights = [each["sha256"] for each in getattr(method, "weights_record", None) or ()]
+    weights = [each["sha256"] for each in getattr(method, "weights_record", None) or ()] or _network(method)
     chosen = hashlib.sha256(np.ascontiguousarray(positions, dtype=np.int64).tobytes()).hexdigest()
     return {
         "code": method_identity(method),
@@ -97,6 +97,16 @@ def differences(stored: Mapping, asked: Mapping) -> list[str]:
     keys = [*after, *(key for key in before if key not in after)]
     pairs = ((key, before.get(key, "none"), after.get(key, "none")) for key in keys)
     return [f"{key}: {_short(old)} → {_short(new)}" for key, old, new in pairs if old != new]
+
+
+def _network(method) -> list[str]:
+    """sha256 of the parameters and buffers of a method whose network came from no weights file; empty without one."""
+    state = method.state_dict()
+    found = hashlib.sha256()
+    for name, tensor in sorted(state.items()):
+        array = tensor.detach().cpu().float().contiguous().numpy()
+        found.update(f"{name} {array.shape}".encode() + array.tobytes())
+    return [found.hexdigest()] if state else []
 
 
 def _ours(kind: type) -> bool:

@@ -1,6 +1,6 @@
 """The typed schema of conf/: a dataclass for every group, with its defaults."""
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from omegaconf import MISSING
@@ -27,7 +27,7 @@ class ToleranceConfig:
 
 @dataclass
 class TrainConfig:
-    """How a learned method is trained (experiments/train.py).
+    """How a learned method is trained (`symshrec train`).
 
     epochs: over the training folds. batch_size: clouds a step, on each device. steps_per_round: what validation and
     the length of a training are counted in. checkpoint_minutes: a killed run loses no more, nor more than its round.
@@ -56,14 +56,13 @@ class TrainConfig:
 
 @dataclass
 class TrainerConfig:
-    """Arguments of lightning.Trainer."""
+    """Arguments of lightning.Trainer; any other of its is added with a plus, as in +trainer.fast_dev_run=true."""
 
     accelerator: str = "cpu"
     devices: int = 1
     strategy: str = "auto"
     precision: str = "32-true"
     sync_batchnorm: bool = False
-    max_epochs: int = 1
     enable_progress_bar: bool = True
 
 
@@ -81,7 +80,6 @@ class PathsConfig:
 class TensorBoardConfig:
     """What a test leaves for TensorBoard; `clouds` are drawn with their true and predicted planes."""
 
-    enabled: bool = True
     clouds: int = 4
 
 
@@ -104,13 +102,20 @@ class RowsConfig:
 
 @dataclass
 class Config:
-    """The whole configuration, conf/config.yaml."""
+    """The whole configuration, conf/config.yaml.
+
+    logger, callbacks: what `_target_` makes under each name. ckpt_path: a Lightning checkpoint that a training starts
+    from. changed: what the command line changed beyond what `folder` says already, as the folder's last part.
+    """
 
     data: DataSettings = field(default_factory=lambda: DataSettings(root="${paths.data}/${data.name}${data.variant}"))
     method: Any = MISSING
     run: RunConfig = field(default_factory=RunConfig)
     tolerance: ToleranceConfig = field(default_factory=ToleranceConfig)
-    trainer: TrainerConfig = field(default_factory=TrainerConfig)
+    trainer: dict[str, Any] = field(default_factory=lambda: asdict(TrainerConfig()))
+    logger: dict[str, Any] = field(default_factory=dict)
+    callbacks: dict[str, Any] = field(default_factory=dict)
+    ckpt_path: str | None = None
     train: TrainConfig = field(default_factory=TrainConfig)
     paths: PathsConfig = field(default_factory=PathsConfig)
     tensorboard: TensorBoardConfig = field(default_factory=TensorBoardConfig)
@@ -119,4 +124,5 @@ class Config:
     name: str = "${run.name}${when:${method.refine},_refine}"
     title: str = "${run.title}${when:${method.refine},' + refine'}"
     folder: str = MISSING
+    changed: str = "${hydra:job.override_dirname}"
     rows: RowsConfig = field(default_factory=RowsConfig)

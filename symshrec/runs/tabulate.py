@@ -48,7 +48,7 @@ def tabulate(config: DictConfig) -> Tabulated:
     main = _with_predictions(_rows(config, data, table_rows(config), split.fingerprint), table_rows(config))
     if not main.results:
         raise ValueError(
-            f"no finished run in {main.folder}; python experiments/evaluate.py --multirun sweep=tables "
+            f"no finished run in {main.folder}; symshrec evaluate --multirun sweep=tables "
             f"data={config.data.name} makes them"
         )
     hard = _rows(config, config.data.hard, table_rows(config))
@@ -89,7 +89,7 @@ def publish(config: DictConfig) -> list[Path]:
         ValueError: where there are no tables, or a run was evaluated anew since they were made; nothing is copied then.
     """
     runs, results, tables = Path(config.paths.runs), Path(config.paths.results), Path(config.paths.tables)
-    data, again = _name(config), f"make them with python experiments/tables.py data={config.data.name}"
+    data, again = _name(config), f"make them with symshrec tables data={config.data.name}"
     try:
         record = json.loads((tables / RECORD).read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:

@@ -10,9 +10,8 @@ from contextlib import suppress
 from pathlib import Path
 
 import torch
-from lightning import Trainer, seed_everything
+from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.callbacks import LearningRateMonitor, TQDMProgressBar
-from lightning.pytorch.loggers import TensorBoardLogger
 from omegaconf import DictConfig, OmegaConf
 
 from symshrec.data.datamodule import SymmetryDataModule
@@ -23,7 +22,6 @@ from symshrec.methods.optimiser import Schedule
 from symshrec.methods.registry import settings_class
 from symshrec.methods.settings import LearnedSettings, plain_settings
 from symshrec.methods.weights import write_weights
-from symshrec.reporting.figures.tensorboard import TensorBoardTraining
 from symshrec.runs.checkpoints import (
     LAST,
     VerifiedCheckpoints,
@@ -38,6 +36,7 @@ from symshrec.runs.evaluate import datamodule_of
 from symshrec.runs.folders import claimed, is_first_process, is_of_this_root, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
 from symshrec.runs.session import Progress, TimedCheckpoints, TimeIsUp
+from symshrec.runs.trainer import TRAINING_SHORTENED, checked_start, devices_of, shortened, trainer_of
 
 log = logging.getLogger(__name__)
 WEIGHTS, RECORD, SETTINGS = "weights.safetensors", "training.json", "settings.json"
@@ -63,7 +62,8 @@ NO_INFLUENCE = (  # beginnings of keys
     "train.precision",
     "train.validate_every",
     "trainer.enable_progress_bar",
-    "trainer.max_epochs",
+    "trainer.log_every_n_steps",
+    "trainer.max_time",
     "trainer.precision",
 )
 
@@ -75,7 +75,8 @@ def train(config: DictConfig) -> dict | None:
 
     Returns:
         What training.json holds; None where `train.max_minutes` ended it before the last round, and in all processes
-        but the first.
+        but the first. Of a partial training (`trainer.fast_dev_run`, `max_steps` and so on), which leaves no weights,
+        its validation, with the arguments that shortened it as `partial`.
 
     Raises:
         ValueError: where the folder holds a training of other settings or data, or the method has nothing to train.
@@ -86,9 +87,12 @@ def train(config: DictConfig) -> dict | None:
     config = config.copy()
     config.method.weights = []
     config.train.precision = chosen_precision(config.train.precision, config.trainer.accelerator)
+    config.trainer.precision = config.train.precision
     if config.data.sampling.kind is SamplingKind.none:  # the network draws its points itself, but not in every epoch
         config.data.sampling.kind = SamplingKind.farthest
         config.data.sampling.points = config.method.network.points
+    if why := shortened(config, TRAINING_SHORTENED):
+        return _partial(config, Path(config.train.folder) / "partial", why)
     folder = Path(config.train.folder) if config.train.cooldown is None else branch_off(config)
     with claimed(folder):
         return _trained(config, folder)
@@ -108,15 +112,18 @@ def _trained(config: DictConfig, folder: Path) -> dict | None:
     method, data = method_of(config), datamodule_of(config)
     rounds, before = _prepare(config, method, data, folder)
     refuse_other_data(folder, config, data.split("train").fingerprint, going_on=True)
+    start = checked_start(config.ckpt_path, method)
     if is_first_process():
         write_atomically(folder / SETTINGS, (json.dumps(settings, indent=1) + "\n").encode())
         if config.train.cooldown is not None and not begun(folder):
             copy_newest(Path(config.train.folder), folder)
         settle(folder)
     progress, last = Progress(), folder / LAST
-    trainer = _trainer(config, folder, rounds, progress)
+    start = str(last) if begun(folder) else start
+    keeper = TimedCheckpoints(last, config.train.checkpoint_minutes, config.train.max_minutes)
+    trainer = _trainer(config, folder, rounds, progress, keeper)
     with suppress(TimeIsUp):
-        trainer.fit(method, datamodule=data, ckpt_path=str(last) if begun(folder) else None, weights_only=True)
+        trainer.fit(method, datamodule=data, ckpt_path=start, weights_only=True)
     steps = rounds * config.train.steps_per_round
     if trainer.global_step < steps:
         if trainer.is_global_zero:
@@ -132,6 +139,29 @@ def _trained(config: DictConfig, folder: Path) -> dict | None:
     write_atomically(folder / RECORD, (json.dumps(result, indent=1) + "\n").encode())
     forget_previous(folder)
     return result
+
+
+def _partial(config: DictConfig, folder: Path, why: list[str]) -> dict:
+    """Train and validate as far as a shortened training goes, and store none of it; loggers alone write in `folder`."""
+    if config.train.cooldown is not None:
+        raise ValueError(f"trainer.{why[0]} and train.cooldown do not go together: a cool-down is a whole training")
+    seed_everything(config.seed, workers=True, verbose=False)
+    method, data = method_of(config), datamodule_of(config)
+    rounds, _ = _prepare(config, method, data, folder)
+    progress = Progress()
+    trainer = _trainer(config, folder, rounds, progress)
+    trainer.fit(method, datamodule=data, ckpt_path=checked_start(config.ckpt_path, method), weights_only=True)
+    steps = trainer.global_step
+    trainer.validate(method, datamodule=data, verbose=False)
+    return {
+        "name": config.title,
+        "method": config.method.name,
+        "run": config.run.name,
+        "partial": why,
+        "clouds": progress.clouds,
+        "steps": steps,
+        "validation": _validation(trainer),
+    }
 
 
 def chosen_precision(asked: str, accelerator: str) -> str:
@@ -170,6 +200,8 @@ def decisive_settings(config: DictConfig) -> dict[str, object]:
     nodes = {name: config[name] for name in ("data", "method", "train", "trainer")}
     plain = {name: OmegaConf.to_container(node, resolve=True, enum_to_str=True) for name, node in nodes.items()}
     flat = dict(_flattened(plain | {"seed": config.seed}))
+    if config.ckpt_path is not None and Path(config.ckpt_path).is_file():
+        flat["ckpt_path"] = hashlib.sha256(Path(config.ckpt_path).read_bytes()).hexdigest()
     return {key: value for key, value in flat.items() if not key.startswith(NO_INFLUENCE)}
 
 
@@ -198,7 +230,7 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
     the training that it goes on from, empty where it starts from chance."""
     settings = config.train
     epochs = settings.epochs if settings.cooldown is None else settings.cooldown
-    steps = math.ceil(epochs * data.training_clouds() / (settings.batch_size * config.trainer.devices))
+    steps = math.ceil(epochs * data.training_clouds() / (settings.batch_size * devices_of(config)))
     rounds, start = math.ceil(steps / settings.steps_per_round), None
     if settings.cooldown is not None:
         begun = int(folder.name.removeprefix("cooldown_"))
@@ -222,36 +254,27 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
     return rounds, before
 
 
-def _trainer(config: DictConfig, folder: Path, rounds: int, progress: Progress) -> Trainer:
-    warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
+def _trainer(config: DictConfig, folder: Path, rounds: int, *callbacks: Callback) -> Trainer:
     warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
-    warnings.filterwarnings(
-        "ignore", message="Be aware that when using `ckpt_path`"
-    )  # of checkpoints by Lightning's own
+    warnings.filterwarnings("ignore", message="Be aware that when using `ckpt_path`")  # of Lightning's own checkpoints
     warnings.filterwarnings("ignore", message=".*your dataloader is not resumable")  # RoundSampler is, by its `first`
-    logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
-    settings = config.train
-    arguments = OmegaConf.to_container(config.trainer, resolve=True) | {"precision": settings.precision}
-    del arguments["max_epochs"]
-    callbacks = [
-        progress,
-        TimedCheckpoints(folder / LAST, settings.checkpoint_minutes, settings.max_minutes),
-        LearningRateMonitor("step"),
-        TensorBoardTraining(settings.clouds_shown),
-    ]
-    if arguments["enable_progress_bar"]:
-        callbacks.append(TQDMProgressBar(refresh_rate=20))
-    return Trainer(
-        **arguments,
+    settings, shown = config.train, []
+    if config.trainer.enable_progress_bar:
+        shown.append(TQDMProgressBar(refresh_rate=20))
+    if config.logger:
+        shown.append(LearningRateMonitor("step"))
+    return trainer_of(
+        config,
+        folder,
+        [*callbacks, *shown],
         max_epochs=rounds,
         check_val_every_n_epoch=settings.validate_every,
         num_sanity_val_steps=0,
         log_every_n_steps=min(50, settings.steps_per_round),
         use_distributed_sampler=False,
-        logger=TensorBoardLogger(folder, name="", version="tensorboard", default_hp_metric=False),
-        callbacks=callbacks,
         plugins=[VerifiedCheckpoints()],
         enable_model_summary=False,
+        enable_checkpointing=any(isinstance(each, TimedCheckpoints) for each in callbacks),
     )
 
 
@@ -261,7 +284,6 @@ def _record(
     """How the weights came about, and what the validating fold says of them."""
     trainer.validate(method, datamodule=data, verbose=False)
     split = data.split("train")
-    scores = {name: float(value) for name, value in sorted(trainer.callback_metrics.items()) if "val/" in name}
     return {
         "name": config.title,
         "method": config.method.name,
@@ -273,7 +295,7 @@ def _record(
         "steps": trainer.global_step,
         "seconds": round(progress.seconds, 1),
         "share_waiting_for_data": round(progress.waited / max(progress.seconds, 1e-9), 5),
-        "validation": {name: round(value, 5) for name, value in scores.items()},
+        "validation": _validation(trainer),
         "validation_clouds": len(data.datasets["val"]),
         "seed": config.seed,
         **({"before": before} if before else {}),
@@ -283,6 +305,12 @@ def _record(
         "peak_memory_mib": peak_memory_mib(),
         "code": code_version(),
     }
+
+
+def _validation(trainer: Trainer) -> dict[str, float]:
+    """The figures of the last validation."""
+    metrics = sorted(trainer.callback_metrics.items())
+    return {name: round(float(value), 5) for name, value in metrics if name.startswith("val/")}
 
 
 def _read(path: Path) -> dict | None:

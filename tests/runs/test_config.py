@@ -105,10 +105,10 @@ def test_mistakes_name_the_valid_keys_and_values(override, message):
 
 
 def test_a_sweep_with_one_bad_value_fails_before_its_first_job():
-    command = [sys.executable, "experiments/tables.py", "--multirun", "run=m3_r1,k251"]
+    command = [sys.executable, "-m", "symshrec", "tables", "--multirun", "run=m3_r1,k251"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith("error: In 'config': Could not find 'run/k251'")
+    assert done.stderr.startswith("symshrec tables: In 'config': Could not find 'run/k251'")
     assert "Traceback" not in done.stderr
     assert "Launching" not in done.stdout
 

@@ -23,7 +23,7 @@ def runs(smoke_config, tmp_path):
             "name=oracle",
             "rows={published:[oracle],ours:[m4],refined:[],so3:[],so3_refined:[],cards:[card]}",
         ]
-        return smoke_config(*oracle, *places, folder, "tensorboard.enabled=false", *overrides)
+        return smoke_config(*oracle, *places, folder, "logger=none", *overrides)
 
     return compose
 
@@ -88,9 +88,7 @@ def test_tables_say_how_to_begin(runs):
 def test_a_partial_run_enters_no_table(runs):
     evaluate(runs())
     evaluate(runs("name=part", "title=Part", "data.batch_size=8", "+trainer.limit_test_batches=1"))
-    done = tabulate(runs())
-    assert "| Part" not in done.text
-    assert any("part ended after 8 clouds" in line for line in done.remarks)
+    assert "| Part" not in tabulate(runs()).text
     path = Path(runs().folder) / "metrics.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"partial": True}))
     with pytest.raises(ValueError, match="no finished run"):

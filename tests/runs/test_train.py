@@ -103,7 +103,7 @@ def test_killed_within_a_long_round_a_training_ends_with_the_same_weights(tiny, 
     train(whole)
     folder = Path(killed.train.folder)
     overrides = [*small_benchmark, f"data.root={smoke_root}", *TINY, *long, f"train.folder={folder}"]
-    command = [sys.executable, "experiments/train.py", *overrides, "train.checkpoint_minutes=0"]
+    command = [sys.executable, "-m", "symshrec", "train", *overrides, "train.checkpoint_minutes=0"]
     process = subprocess.Popen(command, cwd=ROOT, env=os.environ | {"OMP_NUM_THREADS": "1"})
     try:
         deadline = time.monotonic() + 400
@@ -273,3 +273,34 @@ def test_what_was_trained_is_tested_and_recorded(tiny, smoke_config):
     assert used["about"].startswith("32 points, 40")
     other = evaluate(smoke_config(*TINY, f"method.weights=[{folder / 'weights.safetensors'}]", "data.limit=5"))
     assert other["key"] != result["key"]
+
+
+def test_a_partial_training_leaves_nothing_to_go_on_from(tiny):
+    partial = train(tiny("folder", "+trainer.fast_dev_run=true"))
+    assert partial["partial"] == ["fast_dev_run"]
+    assert (partial["steps"], "val/mAP" in partial["validation"]) == (1, True)
+    assert train(tiny("folder", "+trainer.max_steps=2", "logger=none"))["steps"] == 2
+    assert not [path for path in Path(tiny("folder").train.folder).rglob("*") if path.is_file()]
+    with pytest.raises(ValueError, match=r"trainer\.devices is auto; a training needs their number"):
+        train(tiny("folder", "trainer.devices=auto"))
+
+
+def test_a_training_starts_from_a_given_checkpoint(tiny, tmp_path):
+    whole, begun = tiny("whole"), tiny("begun", "train.max_minutes=0.00001")
+    train(whole)
+    assert train(begun) is None
+    checkpoint = f"{begun.train.folder}/last.ckpt"
+    gone_on = tiny("gone_on", f"ckpt_path={checkpoint}", "logger=csv")
+    train(gone_on)
+    assert_equal_weights(whole, gone_on)
+    assert "val/mAP" in Path(gone_on.train.folder, "csv", "metrics.csv").read_text()
+    (tmp_path / "bad.ckpt").write_bytes(Path(checkpoint).read_bytes()[:5000])
+    with pytest.raises(ValueError, match=r"bad\.ckpt is not a whole checkpoint of a Lightning training"):
+        train(tiny("other", f"ckpt_path={tmp_path / 'bad.ckpt'}"))
+    with pytest.raises(ValueError, match=r"no file nowhere\.ckpt"):
+        train(tiny("other", "ckpt_path=nowhere.ckpt"))
+    with pytest.raises(ValueError, match=r"last\.ckpt is of another network: networks\.0"):
+        train(tiny("other", f"ckpt_path={checkpoint}", "method.network.channels=8"))
+    with pytest.raises(ValueError, match=r"holds a training with other settings \(ckpt_path\)"):
+        train(tiny("gone_on"))
+    assert not list(Path(tiny("other").train.folder).glob("*.ckpt"))

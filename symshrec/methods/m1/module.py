@@ -20,6 +20,7 @@ class M1(LearnedMethod):
 
     name = "m1"
     Settings = M1Settings
+    settings: M1Settings
     DETECTION = ("decode", "twice")
     version = 1
 

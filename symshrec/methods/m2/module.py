@@ -29,6 +29,7 @@ class M2(LearnedMethod):
 
     name = "m2"
     Settings = M2Settings
+    settings: M2Settings
     version = 1
 
     def network_of(self, settings: NetworkSettings) -> nn.Module:

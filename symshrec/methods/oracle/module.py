@@ -19,6 +19,7 @@ class Oracle(SymmetryMethod):
 
     name = "oracle"
     Settings = OracleSettings
+    settings: OracleSettings
     version = 1
     oracle = True
 

@@ -76,7 +76,7 @@ def read_weights(name: str, *methods: str) -> Weights:
     except (SafetensorError, UnicodeDecodeError, OSError) as error:
         raise WeightsError(f"{path} is not a readable safetensors file ({_one_line(error)})") from error
     if about.get("format") != FORMAT:
-        raise WeightsError(f"{path} was not written by experiments/train.py; its metadata lack format {FORMAT!r}")
+        raise WeightsError(f"{path} was not written by symshrec train; its metadata lack format {FORMAT!r}")
     method, network, training = (
         about.get("method", ""),
         _record(about, "network", path),

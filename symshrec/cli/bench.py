@@ -1,24 +1,17 @@
-"""Speeds as ratios within one run: `python experiments/bench.py` (run it on an idle machine)."""
+"""`symshrec bench`: speeds as ratios within one run (on an idle machine)."""
 
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from omegaconf import DictConfig
 
-from symshrec.reporting.tables.typeset import markdown
-from symshrec.runs.config import benchmark_of, entry, load, method_of
-from symshrec.runs.provenance import hardware
-from symshrec.speed.m1 import m1_timings
-from symshrec.speed.m2 import m2_timings
-from symshrec.speed.timing import (
-    Timing,
-    benchmark_clouds,
-    generator_timings,
-    method_timings,
-    scoring_timing,
-    timings_grid,
-)
+from symshrec.runs.command import entry
+from symshrec.runs.config import benchmark_of, load, method_of
+
+if TYPE_CHECKING:
+    from symshrec.speed.timing import Timing
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
 
@@ -26,8 +19,12 @@ BASELINES = {"pca_icp": "PCA + ICP", "ransac": "RANSAC + ICP"}
 
 
 @entry
-def bench(config: DictConfig) -> None:
+def command(config: DictConfig) -> None:
     """Time each part, print a line as it is done, then the table."""
+    from symshrec.reporting.tables.typeset import markdown
+    from symshrec.runs.provenance import hardware
+    from symshrec.speed.timing import timings_grid
+
     timings = []
     for timing in _timings(config.workers):
         timings.append(timing)
@@ -38,7 +35,11 @@ def bench(config: DictConfig) -> None:
     )
 
 
-def _timings(workers: int) -> Iterator[Timing]:
+def _timings(workers: int) -> Iterator["Timing"]:
+    from symshrec.speed.m1 import m1_timings
+    from symshrec.speed.m2 import m2_timings
+    from symshrec.speed.timing import benchmark_clouds, generator_timings, method_timings, scoring_timing
+
     benchmark = benchmark_of(load(PAPER_SIZED))
     with tempfile.TemporaryDirectory(dir=Path.cwd()) as folder:
         yield from generator_timings(benchmark, Path(folder), workers)
@@ -49,7 +50,3 @@ def _timings(workers: int) -> Iterator[Timing]:
     yield from method_timings(m3, m4, fast, clouds, baselines)
     yield from m1_timings(method_of(load(["experiment=m1_r4"])), clouds)
     yield from m2_timings(method_of(load(["method=m2"])), clouds)
-
-
-if __name__ == "__main__":
-    bench()
