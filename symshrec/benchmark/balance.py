@@ -26,8 +26,8 @@ def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
     """Labels of a split's clouds in their order, from (seed, split) and the configured counts alone.
 
     Both counts hold exactly, and every family has its perturbations in the proportion of the whole split, to one or two
-    clouds: 42 clouds hold each of the 42 pairs once. P6–P15 and planeless shapes
-    occur only where a split's counts name them.
+    clouds: 42 clouds hold each of the 42 pairs once. P6–P15 and planeless shapes occur only where a split's counts name
+    them.
 
     Raises:
         ValueError: for a split the config lacks, or counts that do not add up, naming the field.

@@ -11,10 +11,10 @@ from symshrec.benchmark.surfaces import Extrusion, Moved, Shape, Surface
 from symshrec.geometry.rotations import axis_rotation
 from symshrec.planes import Planes
 
-FEW_LINES = 4  # mirror lines of a curve that leaning can take all from; more are all near the direction of the lean
-ROUND = (
-    0.5  # least width of its curve beside the greatest: leaning hardly changes what a flat shape's own plane mirrors
-)
+# Leaning takes every plane from a curve of few mirror lines, since of many some lie near the direction of the lean, and
+# that is not flat (least extent beside the greatest), since it hardly changes what a flat shape's own plane mirrors.
+FEW_LINES = 4
+ROUND = 0.5
 WIDTH = 2.0  # about that of a unit-sized shape
 
 

@@ -100,9 +100,8 @@ def floor(scene: Scene, rng: np.random.Generator, config: NoiseConfig) -> Pertur
     the points of the shape, both are thinned alike. True planes stay the shape's.
     """
     points, scan = scene.points, config.scan
-    times, off, turn, way = (
-        rng.uniform(*each) for each in (scan.floor_width, scan.floor_offset, *2 * [(0, 2 * np.pi)])
-    )
+    times, off = rng.uniform(*scan.floor_width), rng.uniform(*scan.floor_offset)
+    turn, way = rng.uniform(0, 2 * np.pi, 2)
     width = times * float(np.ptp(points[:, :2], axis=0).max())
     count = round(_density(points) * width**2)
     kept = min(1.0, scan.floor_most * len(points) / (len(points) + count))

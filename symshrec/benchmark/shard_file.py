@@ -133,9 +133,10 @@ def _check_about(about, record: ShardRecord) -> None:
             raise ValueError(f"its {name} are {str(names)[:60]}; they must be a list of names")
         if len(set(names)) < len(names):
             raise ValueError(f"its {name} are {str(names)[:60]}, one of them twice")
-    for name, known in NAMES.items():
-        if tuple(about[name]) not in known:
-            raise ValueError(f"its {name} are {str(about[name])[:60]}; no list of ours has these names in this order")
+    for name, (*_, known) in NAMES.items():
+        names = about[name]
+        if tuple(names) != known[: len(names)]:
+            raise ValueError(f"its {name} are {str(names)[:60]}; ours are {', '.join(known)}, in this order")
 
 
 def _check_arrays(arrays: dict[str, np.ndarray], about: dict, record: ShardRecord) -> None:

@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from symshrec.speed.timing import Timing
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
-
 BASELINES = {"pca_icp": "PCA + ICP", "ransac": "RANSAC + ICP"}
 
 

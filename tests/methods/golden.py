@@ -22,6 +22,7 @@ from symshrec.benchmark.generate import generate_cloud
 from symshrec.files.threads import one_thread
 from symshrec.geometry.rotations import axis_rotation
 from symshrec.methods import fit
+from symshrec.methods.baselines.module import PcaIcp, Ransac
 from symshrec.methods.m1.module import M1
 from symshrec.methods.m2.module import M2
 from symshrec.methods.m3.module import M3
@@ -70,9 +71,13 @@ def entries() -> list[Golden]:
     def refined(points: torch.Tensor, truth: Planes) -> Planes:
         return fit.refined(points, truth.transformed(axis_rotation(0, np.deg2rad(2)), [0.01, 0.02, -0.01]))
 
-    # Tolerances: with and without AVX2, planes of M1 differ by 2e-5, of M3 not at all, of M4 and refinement by 4e-6.
+    # Tolerances: with and without AVX2, planes of M1 differ by 2e-5, of M3 and the baselines not at all, of M4 and
+    # refinement by 4e-6.
     networks = (("M1 (R4)", "m1", "m1_r4", M1), ("M2", "m2", "m2", M2))
-    free = (("M3 (R1)", "m3", 1e-6, M3), ("M4", "m4", 3e-5, M4))
+    free = (
+        *(("M3 (R1)", "m3", 1e-6, M3), ("M4", "m4", 3e-5, M4)),
+        *(("PCA + ICP", "pca_icp", 1e-6, PcaIcp), ("RANSAC + ICP", "ransac", 1e-6, Ransac)),
+    )
     return [
         *(
             Golden(title, detected(name, weights=[weights]), 1e-3, _version(kind), f"{kind.__name__}.version", weights)

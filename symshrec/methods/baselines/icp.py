@@ -42,7 +42,7 @@ class Target:
         if len(points) < FEWEST_POINTS:
             return None
         distances = np.linalg.norm(points - points.mean(axis=0), axis=1)
-        points = points[np.argsort(distances)][np.random.default_rng(0).permutation(len(points))[:most]]
+        points = points[np.argsort(distances, kind="stable")][np.random.default_rng(0).permutation(len(points))[:most]]
         tree = cKDTree(points)
         nearest = np.median(tree.query(points, [2])[0])
         return cls(points, tree, float(np.sqrt(np.square(distances).mean())), within * float(nearest))

@@ -1,9 +1,10 @@
 """The baselines as SymmetryMethods: nothing to train, on the CPU, in one process or several."""
 
+from collections.abc import Callable
+
 from torch import Tensor
 
 from symshrec.data.batch import Batch
-from symshrec.files.pool import Find
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.baselines import pca_icp, ransac
 from symshrec.methods.baselines.settings import PcaIcpSettings, RansacSettings
@@ -13,7 +14,7 @@ from symshrec.planes import Planes
 class Baseline(SymmetryMethod):
     """A function of points and settings as a method."""
 
-    find: Find
+    find: Callable[..., Planes]  # of points (N, 3) and settings, as `Find` of the pool
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3), computed in this process; the baseline's own function says what it raises."""
