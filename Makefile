@@ -33,7 +33,7 @@ $(STAMP): pyproject.toml constraints.txt constraints-cuda.txt
 	touch $@
 
 test: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
 
 lint: setup
 	$(BIN)/ruff check .

@@ -92,6 +92,15 @@ def test_order_changes_nothing_and_pose_next_to_nothing():
     assert_are(sure(posed), sure(planes).transformed(rotation, [30, -20, 10], 7), 0.2, 0.05)
 
 
+def test_neither_rounding_nor_a_far_position_costs_accuracy():
+    points = petal_cone(noise=0.02)
+    planes = detect_planes(points)
+    for moved in (points + 1e-9 * np.random.default_rng(6).normal(size=points.shape), points + 1e6):
+        found = detect_planes(moved)
+        assert np.rad2deg(axis_angles(found.normals, planes.normals).diagonal()).max() < 1e-3
+        np.testing.assert_allclose(found.confidences, planes.confidences, atol=1e-3)
+
+
 def test_tensor_and_repeated_points_give_the_same_planes():
     points = petal_cone(1500)
     planes = detect_planes(points)

@@ -12,6 +12,9 @@ from symshrec.planes import Planes
 FEWEST_POINTS = 4
 COLLINEAR = 1e-5  # of the spread: a cloud thinner than this in two directions is a straight line
 STRAY, STRAY_ROUNDS = 20.0, 5  # medians of the distance to the centroid beyond which a point is a stray
+ROUNDING = 1e-12  # of the largest coordinate: a cloud that spreads less is a single point
+STEPS = 1 << 20  # of a coordinate, within the cloud's spread, that are told apart
+ENOUGH = 4  # times the points asked for, by whose exact coordinates a larger cloud is thinned
 MIXERS = (0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9)  # odd constants of splitmix and xxHash
 
 
@@ -59,6 +62,8 @@ def checked(points) -> np.ndarray:
 def frame_of(points, most: int) -> Frame | None:
     """The frame of (N, 3) points, at most `most` of them kept, coincident ones once.
 
+    Everything is worked out on centred points, so that a position far from the origin costs no accuracy.
+
     Returns:
         None where fewer than four distinct points are left, or all lie on a straight line.
 
@@ -66,18 +71,23 @@ def frame_of(points, most: int) -> Frame | None:
         ValueError: for a wrong shape or values that are not finite.
     """
     device = points.device if isinstance(points, Tensor) else torch.device("cpu")
-    points = checked(points)
+    points = _distinct(checked(points), most)
     if len(points) < FEWEST_POINTS:
         return None
-    kept = _ordered(points, most)
+    rounding = ROUNDING * np.abs(points).max()
+    origin = np.median(points, axis=0)
+    points = points - origin
+    spread = np.median(np.abs(points).max(1))
+    spread = spread if spread > rounding else np.abs(points).max()
+    if spread <= rounding:
+        return None
+    kept = _ordered(points, spread, most)
     centre, near = _middle(kept)
     centred = kept - centre
     scale = float(np.sqrt(12 * np.square(centred[near]).sum(1).mean()))
-    if near.sum() < FEWEST_POINTS or scale <= 1e-12 * np.abs(centre).max():
+    if near.sum() < FEWEST_POINTS or is_straight(centred[near], COLLINEAR, np.zeros(3)):
         return None
-    if is_straight(centred[near], COLLINEAR, np.zeros(3)):
-        return None
-    return Frame(torch.from_numpy((centred / scale).astype(np.float32)).to(device), centre, scale)
+    return Frame(torch.from_numpy((centred / scale).astype(np.float32)).to(device), centre + origin, scale)
 
 
 def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,20 +103,29 @@ def _middle(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return points[near].mean(0), near
 
 
-def _ordered(points: np.ndarray, most: int) -> np.ndarray:
-    """The distinct points with the `most` smallest hashes of their coordinates, by hash."""
-    keys = _hashes(points)
-    if len(points) > 4 * most:  # repetitions share a hash, so look a little further than needed
-        few = np.flatnonzero(keys <= np.partition(keys, 4 * most)[4 * most])
+def _distinct(points: np.ndarray, most: int) -> np.ndarray:
+    """The (N, 3) points without repetitions, in an order that theirs does not change; of very many, at least `most`."""
+    keys = _hashes((points + 0.0).view(np.uint64))  # + 0.0 makes −0 and 0 one
+    if len(points) > ENOUGH * most:  # repetitions share a key, so look a little further than needed
+        few = np.flatnonzero(keys <= np.partition(keys, ENOUGH * most)[ENOUGH * most])
         if len(np.unique(keys[few])) >= most:
             points, keys = points[few], keys[few]
-    keys, first = np.unique(keys, return_index=True)
+    return points[np.unique(keys, return_index=True)[1]]
+
+
+def _ordered(points: np.ndarray, spread: float, most: int) -> np.ndarray:
+    """The distinct points with the `most` smallest hashes of their coordinates, by hash.
+
+    Coordinates are hashed as multiples of a millionth of the spread, so that rounding hardly changes the order.
+    """
+    cells = np.floor(points * (STEPS / spread) + 0.4).astype(np.int64)
+    _, first = np.unique(_hashes(cells.view(np.uint64)), return_index=True)
     return points[first[:most]]
 
 
-def _hashes(points: np.ndarray) -> np.ndarray:
-    bits = (points + 0.0).view(np.uint64)  # + 0.0 makes −0 and 0 one
-    keys = np.zeros(len(points), np.uint64)
+def _hashes(bits: np.ndarray) -> np.ndarray:
+    """One pseudo-random number (N,) uint64 for every row of (N, 3) uint64."""
+    keys = np.zeros(len(bits), np.uint64)
     for axis, mixer in enumerate(MIXERS):
         keys = (keys ^ bits[:, axis]) * np.uint64(mixer)
         keys ^= keys >> np.uint64(29)
