@@ -15,6 +15,7 @@ class PcaIcpSettings(MethodSettings):
         rounds: of ICP at most. kept: the share of the mirrored points, the best, that a round fits.
         within: how far from the cloud a mirrored point may land to count, in median distances of nearest neighbours.
         separation_deg: least angle between two planes, in degrees.
+        count_threshold: the best count accuracy of both baselines on clouds of the training split.
 
     Raises:
         ValueError: naming the setting that is out of its range.

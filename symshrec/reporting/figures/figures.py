@@ -124,7 +124,7 @@ def planeless(seed: int = 2023, each: int = 2) -> Figure:
     clouds = [generate_cloud(config, "planeless", index) for index in range(split.clouds)]
     shown = [cloud for kind in PLANELESS_SOLIDS for cloud in [c for c in clouds if c.labels.solid == kind][:each]]
     figure = Figure(figsize=(2.5 * len(shown), 2.8))
-    figure.subplots_adjust(0, 0, 1, 0.9, wspace=0.03)
+    figure.subplots_adjust(0, 0, 1, 0.9, wspace=0.12)
     for ax, cloud in zip(figure.subplots(1, len(shown)), shown, strict=True):
         draw_cloud(ax, cloud.points, title=cloud.labels.solid, limit=6400, size=1.5)
     return figure
