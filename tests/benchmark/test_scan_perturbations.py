@@ -161,7 +161,8 @@ def test_p14_is_as_dense_as_the_shape_and_no_larger_than_asked():
 @pytest.mark.parametrize("solid", ["cylinder", "cone"])
 @pytest.mark.parametrize("family", FAMILIES)
 def test_p15_leaves_one_plane_exactly_and_no_other(family, solid):
-    scene = shape_scene(family, 3000, solid)
+    count = 1500
+    scene = shape_scene(family, count, solid)
     images = scene.planes.mirror(scene.points)  # of the surface too, so that the cloud has every true plane exactly
     cloud = np.concatenate([scene.points, *images])
     bend = 0.04
@@ -169,8 +170,8 @@ def test_p15_leaves_one_plane_exactly_and_no_other(family, solid):
     assert parameters == {"bend": bend}
     assert len(left) == 1
     (row,) = np.flatnonzero(np.abs(scene.planes.normals @ left.normals.T)[:, 0] > 1 - 1e-12)
-    partner = points[3000 * (row + 1) : 3000 * (row + 2)]
-    np.testing.assert_allclose(left.mirror(points[:3000])[0], partner, atol=1e-12)
+    partner = points[count * (row + 1) : count * (row + 2)]
+    np.testing.assert_allclose(left.mirror(points[:count])[0], partner, atol=1e-12)
     shift = np.linalg.norm(points - cloud, axis=1)
     diagonal = np.linalg.norm(np.ptp(cloud, axis=0))
     assert shift.max() == pytest.approx(bend * diagonal)

@@ -37,7 +37,7 @@ def scalene(count=3000, seed=0):
 @pytest.mark.parametrize("find", FIND.values(), ids=FIND)
 def test_a_boxs_planes_are_found_at_any_pose_and_scale(find):
     rng = np.random.default_rng(7)
-    for scale in (1.0, 1e-3, 200.0):
+    for scale in (1e-3, 200.0):
         rotation, translation = uniform_rotation(rng), scale * rng.uniform(-5, 5, 3)
         found = find(scale * box() @ rotation.T + translation)
         true = Planes(np.eye(3), np.zeros((3, 3))).transformed(rotation, translation)
