@@ -8,6 +8,8 @@ STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --no-deps --no-build-isolation
 # The data of P6–P9 that stands beside this scale's tables; data.hard of conf/data says so too.
 HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
+# Likewise of P10–P15.
+SCAN := $(if $(filter paper x10,$(SCALE)),scan,scan_quick)
 
 .PHONY: setup test lint data tables publish figures bench clean
 .DEFAULT_GOAL := tables
@@ -43,11 +45,13 @@ lint: setup
 data: setup
 	$(BIN)/symshrec generate data=$(SCALE) workers=$(WORKERS)
 	$(BIN)/symshrec generate data=$(HARD) workers=$(WORKERS)
+	$(BIN)/symshrec generate data=$(SCAN) workers=$(WORKERS)
 
 tables: data
 	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
 	$(BIN)/symshrec evaluate --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
 	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
+	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCAN) method.workers=$(WORKERS)
 	$(BIN)/symshrec tables data=$(SCALE)
 
 # Copies what `make tables` wrote under runs/ into results/, which git keeps.

@@ -7,13 +7,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS
+from symshrec.benchmark.cloud import ALL_FAMILIES, FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS
 from symshrec.benchmark.config import BenchmarkConfig
 
 
 @dataclass(frozen=True, eq=False)
 class SplitLabels:
-    """families and perturbations (C,) uint8: per cloud, the place in FAMILIES and in PERTURBATIONS."""
+    """families and perturbations (C,) uint8: per cloud, the place in ALL_FAMILIES and in PERTURBATIONS."""
 
     families: np.ndarray
     perturbations: np.ndarray
@@ -26,7 +26,8 @@ def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
     """Labels of a split's clouds in their order, from (seed, split) and the configured counts alone.
 
     Both counts hold exactly, and every family has its perturbations in the proportion of the whole split, to one or two
-    clouds: 42 clouds hold each of the 42 pairs once. P6–P9 occur only where a split's counts name them.
+    clouds: 42 clouds hold each of the 42 pairs once. P6–P15 and planeless shapes occur only where a split's counts name
+    them.
 
     Raises:
         ValueError: for a split the config lacks, or counts that do not add up, naming the field.
@@ -34,7 +35,7 @@ def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
     if split not in config.splits:
         raise ValueError(f"the config has no split {split!r}; it has {', '.join(config.splits) or 'none'}")
     sizes = config.splits[split]
-    families = _counts(f"splits.{split}.families", sizes.families, FAMILIES, sizes.clouds, len(FAMILIES))
+    families = _counts(f"splits.{split}.families", sizes.families, ALL_FAMILIES, sizes.clouds, len(FAMILIES))
     name, even = f"splits.{split}.perturbations", len(PUBLISHED_PERTURBATIONS)
     perturbations = _counts(name, sizes.perturbations, PERTURBATIONS, sizes.clouds, even)
     return _labels(config.seed, split, families, perturbations)

@@ -16,10 +16,15 @@ FAMILIES = (
     "egg_keplero",
     "mouth_curve",
 )  # Table 4's S1–S7, in its order and under the names of published.csv
+PLANELESS = "planeless"  # ours: shapes without a mirror plane
+ALL_FAMILIES = (*FAMILIES, PLANELESS)
 SOLIDS = ("cylinder", "cone")
+PLANELESS_SOLIDS = ("sheared", "glued", "blob")
+ALL_SOLIDS = (*SOLIDS, *PLANELESS_SOLIDS)
 PERTURBATIONS = tuple(perturbations.PERTURBATIONS)
-PUBLISHED_PERTURBATIONS = perturbations.PUBLISHED  # P0–P5
-HARD_PERTURBATIONS = PERTURBATIONS[len(PUBLISHED_PERTURBATIONS) :]  # ours
+PUBLISHED_PERTURBATIONS = tuple(perturbations.PUBLISHED_PERTURBATIONS)  # P0–P5: a split's, unless it names others
+HARD_PERTURBATIONS = tuple(perturbations.HARD_PERTURBATIONS)  # ours: P6–P9
+SCAN_PERTURBATIONS = tuple(perturbations.SCAN_PERTURBATIONS)  # ours: P10–P15
 UNKNOWN = "unknown"  # a label that the track's own files do not give
 
 

@@ -8,7 +8,8 @@ from enum import Enum
 from math import inf
 from operator import attrgetter
 
-POSITIVE = 1e-9
+from symshrec.benchmark.beyond import LIMITS_BEYOND, POSITIVE, HardConfig, PlanelessConfig, ScanConfig
+
 LIMITS = {
     "seed": (0, inf),
     "clouds_per_shard": (1, inf),
@@ -36,11 +37,7 @@ LIMITS = {
     "noise.uniform_n": (POSITIVE, inf),
     "noise.gaussian_n": (POSITIVE, inf),
     "noise.gaussian_scale": (0, inf),
-    "noise.hard.cut_fraction": (0, 1),
-    "noise.hard.hole_probability": (0, 1),
-    "noise.hard.strong_n": (POSITIVE, inf),
-    "noise.hard.outlier_fraction": (0, inf),
-    "noise.hard.few_points": (1, inf),
+    **LIMITS_BEYOND,
 }
 LISTS = (
     "noise.uniform_n",
@@ -150,17 +147,6 @@ class PoseConfig:
 
 
 @dataclass
-class HardConfig:
-    """P6–P9, beyond the paper: ranges of the share cut away, of outliers added, of points left; the noise's n."""
-
-    cut_fraction: list[float] = field(default_factory=lambda: [0.1, 0.4])
-    hole_probability: float = 0.5
-    strong_n: list[int] = field(default_factory=lambda: [4, 5, 6, 7, 8, 9, 10])
-    outlier_fraction: list[float] = field(default_factory=lambda: [0.05, 0.3])
-    few_points: list[int] = field(default_factory=lambda: [256, 1024])
-
-
-@dataclass
 class NoiseConfig:
     """§2.2: the perturbations. Fractions are ranges of the share of points moved or removed.
 
@@ -176,6 +162,7 @@ class NoiseConfig:
     n_per: DrawnPer = DrawnPer.cloud
     shift: NoiseShift = NoiseShift.vector
     hard: HardConfig = field(default_factory=HardConfig)
+    scan: ScanConfig = field(default_factory=ScanConfig)
 
 
 @dataclass
@@ -196,6 +183,7 @@ class BenchmarkConfig:
     surface: SurfaceConfig = field(default_factory=SurfaceConfig)
     pose: PoseConfig = field(default_factory=PoseConfig)
     noise: NoiseConfig = field(default_factory=NoiseConfig)
+    planeless: PlanelessConfig = field(default_factory=PlanelessConfig)
     splits: dict[str, SplitConfig] = field(default_factory=dict)
     clouds_per_shard: int = 500
 

@@ -28,13 +28,17 @@ class Curve:
 
     def points(self, u: np.ndarray) -> np.ndarray:
         """The curve at u (U,): (U, 2), or (2U, 2) with the upper branch first where there are two."""
-        x, y = self.trace(u)
-        if self.two_branches:
-            x, y = np.concatenate([x, x]), np.concatenate([y, -y])
-        return np.stack([x, y], axis=1)
+        if not self.two_branches:
+            return self.at(u, np.ones(len(u)))
+        return self.at(np.concatenate([u, u]), np.repeat([1.0, -1.0], len(u)))
 
-    def sample(self, count: int, rng: np.random.Generator, sampling: CurveSampling) -> np.ndarray:
-        """`count` points of the curve, (count, 2); an odd count with two branches drops the last point."""
+    def at(self, u: np.ndarray, branch: np.ndarray) -> np.ndarray:
+        """The curve at u (U,) on the branch (U,), 1 for the upper or only one and −1 for the lower: (U, 2)."""
+        x, y = self.trace(u)
+        return np.stack([x, branch * y], axis=1)
+
+    def draw(self, count: int, rng: np.random.Generator, sampling: CurveSampling) -> tuple[np.ndarray, np.ndarray]:
+        """u and branch, (count,) each, of random points; where there are two, the upper's points come first."""
         draws = (count + 1) // 2 if self.two_branches else count
         low, high = self.domain
         if sampling is CurveSampling.grid:
@@ -43,7 +47,13 @@ class Curve:
             u = self._at_arc_length(rng.random(draws))
         else:
             u = rng.uniform(low, high, draws)
-        return self.points(u)[:count]
+        if not self.two_branches:
+            return u, np.ones(count)
+        return np.concatenate([u, u])[:count], np.repeat([1.0, -1.0], draws)[:count]
+
+    def sample(self, count: int, rng: np.random.Generator, sampling: CurveSampling) -> np.ndarray:
+        """`count` points of the curve, (count, 2); an odd count with two branches drops the last point."""
+        return self.at(*self.draw(count, rng, sampling))
 
     def _at_arc_length(self, shares: np.ndarray) -> np.ndarray:
         """u at the given shares of the curve's length, by linear interpolation between dense chords."""

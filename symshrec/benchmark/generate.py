@@ -4,6 +4,7 @@ import hashlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,15 @@ import numpy as np
 from tqdm import tqdm
 
 from symshrec.benchmark.balance import generator, split_labels
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, LabelledCloud, Labels
+from symshrec.benchmark.cloud import (
+    ALL_FAMILIES,
+    HARD_PERTURBATIONS,
+    PERTURBATIONS,
+    PLANELESS,
+    SCAN_PERTURBATIONS,
+    LabelledCloud,
+    Labels,
+)
 from symshrec.benchmark.config import BenchmarkConfig, UnitScaling, check_config, differences, plain
 from symshrec.benchmark.manifest import (
     GENERATOR_VERSION,
@@ -26,10 +35,12 @@ from symshrec.benchmark.manifest import (
     read_request,
 )
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
+from symshrec.benchmark.planeless import draw_planeless
 from symshrec.benchmark.poses import draw_pose
+from symshrec.benchmark.scene import Scene
 from symshrec.benchmark.shard_file import MappedShard, encode_shard
 from symshrec.benchmark.shards import cloud_name
-from symshrec.benchmark.surfaces import draw_shape
+from symshrec.benchmark.surfaces import Moved, draw_shape
 from symshrec.files.atomic import remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.files.foreign import parse_json
 from symshrec.files.pool import ProcessPool, WorkerDiedError
@@ -47,20 +58,23 @@ def generate_cloud(config: BenchmarkConfig, split: str, index: int) -> LabelledC
     labels = split_labels(config, split)
     if not 0 <= index < len(labels):
         raise IndexError(f"cloud {index} of split {split!r}, which has {len(labels)} clouds")
-    family, perturbation = FAMILIES[labels.families[index]], PERTURBATIONS[labels.perturbations[index]]
+    family, perturbation = ALL_FAMILIES[labels.families[index]], PERTURBATIONS[labels.perturbations[index]]
     noise = generator(config.seed, split, index, PERTURBATION)
-    shape = draw_shape(family, generator(config.seed, split, index, SHAPE), config)
+    draw = draw_planeless if family == PLANELESS else partial(draw_shape, family)
+    shape = draw(generator(config.seed, split, index, SHAPE), config)
     pose = draw_pose(generator(config.seed, split, index, POSE), config.pose)
-    points, scaling = shape.points, config.surface.unit_scaling
+    points, planes, scaling = shape.surface.points(shape.chart), shape.planes, config.surface.unit_scaling
     if scaling is UnitScaling.after_noise:
-        points, drawn = PERTURB[perturbation](points, noise, config.noise)
-    if scaling is not UnitScaling.never:
-        points[:, :2] *= shape.unit_factor
-    points = pose(points)
+        scene = Scene(points, planes, shape.surface, shape.chart)
+        points, drawn, planes = PERTURB[perturbation](scene, noise, config.noise)
+    factor = 1.0 if scaling is UnitScaling.never else shape.unit_factor
+    points[:, :2] *= factor
+    points, planes = pose(points), planes.transformed(pose.rotation, pose.translation)
     if scaling is not UnitScaling.after_noise:
-        points, drawn = PERTURB[perturbation](points, noise, config.noise)
+        surface = Moved(shape.surface, pose.rotation * [factor, factor, 1.0], pose.translation)
+        scene = Scene(points, planes, surface, shape.chart)
+        points, drawn, planes = PERTURB[perturbation](scene, noise, config.noise)
     made = Labels(family, shape.solid, perturbation, shape.parameters | drawn, pose.rotation, pose.translation)
-    planes = shape.planes.transformed(pose.rotation, pose.translation)
     return LabelledCloud(points.astype(np.float32), planes, made, index, cloud_name(split, index))
 
 
@@ -104,11 +118,16 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
 
 
 def _influential(config: BenchmarkConfig) -> dict:
-    """The plain config without the settings of P6–P9 where no split has them: they change nothing else."""
+    """The plain config without the settings of P6–P15 and planeless shapes where no split has them."""
     chosen = plain(config)
-    named = {name for each in config.splits.values() for name, count in (each.perturbations or {}).items() if count}
-    if named.issubset(PUBLISHED_PERTURBATIONS):
+    counts = [each for split in config.splits.values() for each in (split.perturbations, split.families) if each]
+    named = {name for each in counts for name, count in each.items() if count}
+    if named.isdisjoint(HARD_PERTURBATIONS):
         del chosen["noise"]["hard"]
+    if named.isdisjoint(SCAN_PERTURBATIONS):
+        del chosen["noise"]["scan"]
+    if PLANELESS not in named:
+        del chosen["planeless"]
     return chosen
 
 

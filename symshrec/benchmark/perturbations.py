@@ -2,6 +2,7 @@
 
 Each takes points (N, 3) float64 (its own to change), a generator and the config, and gives the perturbed points with
 the parameters drawn. Lengths are in the units of the scaled shape. The true planes stay those of the unperturbed shape.
+P10–P15, in `scan_perturbations`, need more of the clean cloud than its points: a Scene.
 """
 
 from collections.abc import Callable
@@ -11,27 +12,29 @@ import numpy as np
 
 from symshrec.benchmark.config import DrawnPer, NoiseConfig, NoiseShift
 from symshrec.benchmark.ranges import uniform_in, whole_in
+from symshrec.benchmark.scan_perturbations import SCAN as SCAN_PERTURBATIONS
+from symshrec.benchmark.scene import Perturbed, Scene
 
-Perturbed = tuple[np.ndarray, dict[str, float]]
+Made = tuple[np.ndarray, dict[str, float]]
 
 
-def clean(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def clean(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P0: the points as they are."""
     return points, {}
 
 
-def uniform_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def uniform_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P1: a random share of the points moves by U(−1/n, 1/n)³."""
     return _moved(points, rng, config, config.uniform_n, 1.0, lambda shape: rng.uniform(-1.0, 1.0, shape))
 
 
-def gaussian_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def gaussian_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P2: a random share of the points moves by N(0, σ²) per coordinate, σ = gaussian_scale · n^-gaussian_power."""
     scale, power = config.gaussian_scale, config.gaussian_power
     return _moved(points, rng, config, config.gaussian_n, power, lambda shape: scale * rng.standard_normal(shape))
 
 
-def undersampling(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def undersampling(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P3: a random share of the points is removed; the rest keep their order, and at least one stays."""
     share = uniform_in(rng, config.removed_fraction)
     removed = min(round(share * len(points)), len(points) - 1)
@@ -40,10 +43,10 @@ def undersampling(points: np.ndarray, rng: np.random.Generator, config: NoiseCon
     return points[keep], {"removed_fraction": share}
 
 
-def in_turn(*perturbations: Callable[..., Perturbed]) -> Callable[..., Perturbed]:
+def in_turn(*perturbations: Callable[..., Made]) -> Callable[..., Made]:
     """One perturbation after another, their parameters together."""
 
-    def combined(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+    def combined(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
         parameters = {}
         for perturbation in perturbations:
             points, drawn = perturbation(points, rng, config)
@@ -53,7 +56,7 @@ def in_turn(*perturbations: Callable[..., Perturbed]) -> Callable[..., Perturbed
     return combined
 
 
-def cut_away(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def cut_away(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P6: a share of the points is missing on one side, beyond a random plane or around a random point of the cloud.
 
     The plane's direction is uniform on the sphere, and it lies where it cuts off just that share; the hole is the ball
@@ -71,7 +74,7 @@ def cut_away(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) 
     return points[keep], {"removed_fraction": share, "hole": float(hole)}
 
 
-def strong_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def strong_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P7: P1 or P2, with equal chances, at a smaller n; the parameter gaussian is 1 for P2's noise and 0 for P1's."""
     gaussian = rng.random() < 0.5
     choices = config.hard.strong_n
@@ -80,7 +83,7 @@ def strong_noise(points: np.ndarray, rng: np.random.Generator, config: NoiseConf
     return points, drawn | {"gaussian": float(gaussian)}
 
 
-def outliers(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def outliers(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P8: a share more points, uniform in the cloud's axis-aligned bounding box, at random places among the others.
 
     All true points stay, in their order, and so does the bounding box.
@@ -91,25 +94,36 @@ def outliers(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) 
     return np.insert(points, rows, added, axis=0), {"outlier_fraction": share}
 
 
-def few_points(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+def few_points(points: np.ndarray, rng: np.random.Generator, config: NoiseConfig) -> Made:
     """P9: a random few of the points are left, their number uniform between two ends; they keep their order."""
     left = min(whole_in(rng, config.hard.few_points), len(points))
     return points[np.sort(_rows(len(points), left, rng))], {"points_left": float(left)}
 
 
-PERTURBATIONS: dict[str, Callable[..., Perturbed]] = {
-    "P0": clean,
-    "P1": uniform_noise,
-    "P2": gaussian_noise,
-    "P3": undersampling,
-    "P4": in_turn(uniform_noise, undersampling),
-    "P5": in_turn(gaussian_noise, undersampling),
-    "P6": cut_away,
-    "P7": strong_noise,
-    "P8": outliers,
-    "P9": few_points,
+def of_points(perturbation: Callable[..., Made]) -> Callable[[Scene, np.random.Generator, NoiseConfig], Perturbed]:
+    """A perturbation of points alone as one of a Scene, whose planes stay true."""
+
+    def of_scene(scene: Scene, rng: np.random.Generator, config: NoiseConfig) -> Perturbed:
+        return Perturbed(*perturbation(scene.points, rng, config), scene.planes)
+
+    return of_scene
+
+
+PUBLISHED_PERTURBATIONS: dict[str, Callable[..., Perturbed]] = {
+    "P0": of_points(clean),
+    "P1": of_points(uniform_noise),
+    "P2": of_points(gaussian_noise),
+    "P3": of_points(undersampling),
+    "P4": of_points(in_turn(uniform_noise, undersampling)),
+    "P5": of_points(in_turn(gaussian_noise, undersampling)),
 }
-PUBLISHED = tuple(PERTURBATIONS)[:6]  # the paper's, and what a split holds unless it names others
+HARD_PERTURBATIONS: dict[str, Callable[..., Perturbed]] = {
+    "P6": of_points(cut_away),
+    "P7": of_points(strong_noise),
+    "P8": of_points(outliers),
+    "P9": of_points(few_points),
+}
+PERTURBATIONS = PUBLISHED_PERTURBATIONS | HARD_PERTURBATIONS | SCAN_PERTURBATIONS
 
 
 def _rows(total: int, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -117,7 +131,7 @@ def _rows(total: int, count: int, rng: np.random.Generator) -> np.ndarray:
     return rng.permutation(total)[:count]
 
 
-def _moved(points, rng, config, choices, power, draw) -> Perturbed:
+def _moved(points, rng, config, choices, power, draw) -> Made:
     """Shift a random share of the points by draw((k, 3 or 1)) / n^power, n from `choices`."""
     share = uniform_in(rng, config.fraction)
     rows = _rows(len(points), round(share * len(points)), rng)

@@ -8,13 +8,28 @@ from typing import Any
 import numpy as np
 from safetensors.numpy import save
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud
+from symshrec.benchmark.cloud import (
+    ALL_FAMILIES,
+    ALL_SOLIDS,
+    FAMILIES,
+    HARD_PERTURBATIONS,
+    PERTURBATIONS,
+    PUBLISHED_PERTURBATIONS,
+    SOLIDS,
+    LabelledCloud,
+)
 from symshrec.benchmark.manifest import ShardRecord
 from symshrec.files.foreign import is_whole, parse_json
 
 METADATA = "symshrec"  # a single key: safetensors does not keep several in a fixed order
 HEADER = "__metadata__"
-LABELS = ("family", "solid", "perturbation")
+# The names that a shard may list, the shortest list that suffices: so longer ones change no shard made without them.
+NAMES = {
+    "family": (FAMILIES, ALL_FAMILIES),
+    "solid": (SOLIDS, ALL_SOLIDS),
+    "perturbation": (PUBLISHED_PERTURBATIONS, PUBLISHED_PERTURBATIONS + HARD_PERTURBATIONS, PERTURBATIONS),
+}
+LABELS = tuple(NAMES)
 DTYPES: dict[str, type[np.generic]] = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
 ROUNDING = 1e-6  # that lengths of normals and rotations may be off one
 
@@ -26,31 +41,31 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
     family, solid, perturbation (C,) uint8, places in the names kept as metadata; rotation (C, 3, 3), translation (C, 3)
     and parameters (C, P) float64, NaN where a parameter does not apply.
     """
-    names = sorted({name for cloud in clouds for name in cloud.labels.parameters})
+    parameters = sorted({name for cloud in clouds for name in cloud.labels.parameters})
     labels = [cloud.labels for cloud in clouds]
-    published = all(each.perturbation in PUBLISHED_PERTURBATIONS for each in labels)
+    listed = {label: _shortest(label, {getattr(each, label) for each in labels}) for label in LABELS}
     arrays = {
         "points": np.concatenate([cloud.points for cloud in clouds]),
         "point_starts": _starts(len(cloud.points) for cloud in clouds),
         "plane_normals": np.concatenate([cloud.truth.normals for cloud in clouds]),
         "plane_points": np.concatenate([cloud.truth.points for cloud in clouds]),
         "plane_starts": _starts(len(cloud.truth) for cloud in clouds),
-        "family": np.array([FAMILIES.index(each.family) for each in labels], dtype=np.uint8),
-        "solid": np.array([SOLIDS.index(each.solid) for each in labels], dtype=np.uint8),
-        "perturbation": np.array([PERTURBATIONS.index(each.perturbation) for each in labels], dtype=np.uint8),
+        **{
+            label: np.array([names.index(getattr(each, label)) for each in labels], dtype=np.uint8)
+            for label, names in listed.items()
+        },
         "rotation": np.array([each.rotation for each in labels], dtype=float),
         "translation": np.array([each.translation for each in labels], dtype=float),
-        "parameters": np.array([[each.parameters.get(name, np.nan) for name in names] for each in labels], dtype=float),
+        "parameters": np.array(
+            [[each.parameters.get(name, np.nan) for name in parameters] for each in labels], dtype=float
+        ),
     }
-    about = {
-        "split": split,
-        "first": clouds[0].id,
-        "parameters": names,
-        "family": FAMILIES,
-        "solid": SOLIDS,
-        "perturbation": PUBLISHED_PERTURBATIONS if published else PERTURBATIONS,
-    }
+    about = {"split": split, "first": clouds[0].id, "parameters": parameters, **listed}
     return save(arrays, {METADATA: json.dumps(about, sort_keys=True)})
+
+
+def _shortest(label: str, needed: set[str]) -> tuple[str, ...]:
+    return next(names for names in NAMES[label] if needed.issubset(names))
 
 
 def _starts(lengths) -> np.ndarray:
@@ -119,6 +134,10 @@ def _check_about(about, record: ShardRecord) -> None:
             raise ValueError(f"its {name} are {str(names)[:60]}; they must be a list of names")
         if len(set(names)) < len(names):
             raise ValueError(f"its {name} are {str(names)[:60]}, one of them twice")
+    for name, (*_, known) in NAMES.items():
+        names = about[name]
+        if tuple(names) != known[: len(names)]:
+            raise ValueError(f"its {name} are {str(names)[:60]}; ours are {', '.join(known)}, in this order")
 
 
 def _check_arrays(arrays: dict[str, np.ndarray], about: dict, record: ShardRecord) -> None:

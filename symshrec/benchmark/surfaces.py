@@ -1,24 +1,112 @@
-"""§2.1 From a curve to a cylinder or cone, and its true mirror planes."""
+"""§2.1 From a curve to a cylinder or cone with its true mirror planes, as a chart that gives points and normals."""
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
-from symshrec.benchmark.config import BenchmarkConfig
-from symshrec.benchmark.curves import draw_curve
+from symshrec.benchmark.config import BenchmarkConfig, CurveSampling
+from symshrec.benchmark.curves import Curve, draw_curve
 from symshrec.benchmark.ranges import uniform_in
 from symshrec.planes import Planes
+
+STEP = 1e-5  # in chart coordinates, of the differences that give tangents
+
+
+class Surface(ABC):
+    """A surface as a chart: from places on it, coordinates (N, C) of which the first two vary smoothly, to points.
+
+    bounds: the ranges of those two, beyond which there is no surface.
+    """
+
+    bounds: tuple[tuple[float, float], tuple[float, float]]
+
+    @abstractmethod
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Random places, (count, C), spread as the benchmark's points are."""
+
+    @abstractmethod
+    def points(self, chart: np.ndarray) -> np.ndarray:
+        """The points (N, 3) at places (N, C)."""
+
+    def normals(self, chart: np.ndarray) -> np.ndarray:
+        """Unit normals (N, 3) at places (N, C), of either sign; zero where there is no tangent plane."""
+        tangents = []
+        for column, bounds in enumerate(self.bounds):
+            before, after = chart.copy(), chart.copy()
+            before[:, column] = np.clip(chart[:, column] - STEP, *bounds)
+            after[:, column] = np.clip(chart[:, column] + STEP, *bounds)
+            tangents.append(_unit(self.points(after) - self.points(before)))
+        along_first, along_second = tangents
+        return _unit(np.cross(along_first, along_second))
+
+
+@dataclass(frozen=True, eq=False)
+class Extrusion(Surface):
+    """A cylinder or cone over a curve; a place is (u, share of the height from below, branch of the curve).
+
+    Cylinder (x, y, z); cone (s x, s y, z) with the apex at −h/2 and the full curve at +h/2; z = h s − h/2, no caps.
+    """
+
+    curve: Curve
+    solid: str
+    height: float
+    sampling: CurveSampling
+
+    @property
+    def bounds(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Of u and of the share."""
+        return self.curve.domain, (0.0, 1.0)
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Places (count, 3): u as the configured sampling has it, heights uniform."""
+        u, branch = self.curve.draw(count, rng, self.sampling)
+        return np.stack([u, rng.random(count), branch], axis=1)
+
+    def section(self, chart: np.ndarray) -> np.ndarray:
+        """The curve's points (N, 2) below or above the places."""
+        return self.curve.at(chart[:, 0], chart[:, 2])
+
+    def points(self, chart: np.ndarray) -> np.ndarray:
+        """The points (N, 3) at places (N, 3)."""
+        section, shares = self.section(chart), chart[:, 1]
+        points = np.empty((len(chart), 3))
+        points[:, :2] = section if self.solid == "cylinder" else section * shares[:, None]
+        points[:, 2] = self.height * shares - self.height / 2
+        return points
+
+
+@dataclass(frozen=True, eq=False)
+class Moved(Surface):
+    """The surface under x ↦ linear x + translation; linear (3, 3) of any non-zero determinant, translation (3,)."""
+
+    surface: Surface
+    linear: np.ndarray
+    translation: np.ndarray
+
+    def draw(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Places as on the surface that is moved."""
+        return self.surface.draw(count, rng)
+
+    def points(self, chart: np.ndarray) -> np.ndarray:
+        """The points (N, 3) at places (N, C)."""
+        return self.surface.points(chart) @ self.linear.T + self.translation
+
+    def normals(self, chart: np.ndarray) -> np.ndarray:
+        """Unit normals (N, 3) at places (N, C)."""
+        return _unit(self.surface.normals(chart) @ np.linalg.inv(self.linear))
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A surface in its own frame: the axis along z, the local origin half-way up.
+    """A surface in its own frame, the local origin half-way up, with the places on it that become the cloud.
 
-    points (N, 3): x and y as the curve gives them. unit_factor: what scales x and y to the unit size.
-    planes: the true planes, all through the local origin; scaling x and y alike leaves them where they are.
+    chart (N, C): those places. unit_factor: what scales x and y to the unit size. planes: the true planes, all through
+    the local origin; scaling x and y alike leaves them where they are.
     """
 
-    points: np.ndarray
+    surface: Surface
+    chart: np.ndarray
     unit_factor: float
     planes: Planes
     solid: str
@@ -37,17 +125,19 @@ def true_planes(mirror_angles: np.ndarray, solid: str) -> Planes:
 def draw_shape(family: str, rng: np.random.Generator, config: BenchmarkConfig) -> Shape:
     """A cylinder or cone over a curve of the family, heights uniform along the axis.
 
-    Cylinder (x, y, z); cone (s x, s y, z) with the apex at −h/2 and the full curve at +h/2; z = h s − h/2, no caps.
+    Raises:
+        ValueError: for a family that Table 1 does not have, naming those it has.
     """
-    surface = config.surface
     curve = draw_curve(family, rng, config.curves)
-    solid = "cylinder" if rng.random() < surface.cylinder_probability else "cone"
-    height = uniform_in(rng, surface.height)
-    count = surface.citrus_points if family == "citrus" else surface.points
-    section = curve.sample(count, rng, config.curves.sampling)
-    shares = rng.random(count)
-    points = np.empty((count, 3))
-    points[:, :2] = section if solid == "cylinder" else section * shares[:, None]
-    points[:, 2] = height * shares - height / 2
+    solid = "cylinder" if rng.random() < config.surface.cylinder_probability else "cone"
+    surface = Extrusion(curve, solid, uniform_in(rng, config.surface.height), config.curves.sampling)
+    count = config.surface.citrus_points if family == "citrus" else config.surface.points
+    chart = surface.draw(count, rng)
+    parameters = {**curve.parameters, "height": surface.height}
     planes = true_planes(curve.mirror_angles, solid)
-    return Shape(points, 1 / section.max(), planes, solid, {**curve.parameters, "height": height})
+    return Shape(surface, chart, 1 / surface.section(chart).max(), planes, solid, parameters)
+
+
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from symshrec.speed.timing import Timing
 
 PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
+BASELINES = {"pca_icp": "PCA + ICP", "ransac": "RANSAC + ICP"}
 
 
 @entry
@@ -46,6 +47,7 @@ def _timings(workers: int) -> Iterator["Timing"]:
     yield scoring_timing()
     m3, m4, fast = (method_of(load([f"experiment={name}"])) for name in ("m3_r1", "m4", "m4_fast"))
     clouds = benchmark_clouds(benchmark)
-    yield from method_timings(m3, m4, fast, clouds)
+    baselines = [(title, method_of(load([f"method={name}"]))) for name, title in BASELINES.items()]
+    yield from method_timings(m3, m4, fast, clouds, baselines)
     yield from m1_timings(cast("M1", method_of(load(["experiment=m1_r4"]))), clouds)
     yield from m2_timings(cast("M2", method_of(load(["method=m2"]))), clouds)

@@ -11,9 +11,8 @@ from sklearn.model_selection import StratifiedKFold
 from torch.utils.data import DataLoader, Dataset
 from tqdm import tqdm
 
-from symshrec.benchmark.cloud import FAMILIES, SOLIDS, LabelledCloud
+from symshrec.benchmark.cloud import ALL_FAMILIES, ALL_SOLIDS, PERTURBATIONS, LabelledCloud
 from symshrec.benchmark.official import OfficialFolder
-from symshrec.benchmark.perturbations import PERTURBATIONS
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.data.batch import Batch, SampledBatch
 from symshrec.data.rounds import RoundSampler
@@ -96,7 +95,7 @@ class SymmetryDataModule(LightningDataModule):
         self, settings: DataSettings, seed: int = 2023, train_batch_size: int = 64, steps_per_round: int = 500
     ):
         super().__init__()
-        known = {"families": FAMILIES, "perturbations": tuple(PERTURBATIONS), "solids": SOLIDS}
+        known = {"families": ALL_FAMILIES, "perturbations": PERTURBATIONS, "solids": ALL_SOLIDS}
         self.keep = {name: getattr(settings, name) for name in known}
         for name, wanted in self.keep.items():
             unknown = sorted(set(wanted or ()) - set(known[name]))

@@ -47,7 +47,7 @@ class DataSettings:
         verify: compare every shard with its sha256 before use.
         test_split: what test and predict read; `train` for studies that must leave the test split alone.
         validation_clouds: the first so many of the validating fold, which the split has in no order; None takes all.
-        hard: the data whose P6–P9 stand beside this one's tables.
+        hard: the data whose P6–P9 stand beside this one's tables. scan: and whose P10–P15.
         sampling: see `SamplingSettings`.
         benchmark: how shards are made, where they are.
 
@@ -72,6 +72,7 @@ class DataSettings:
     test_split: str = "test"
     validation_clouds: int | None = 1000
     hard: str = "hard_quick"
+    scan: str = "scan_quick"
     sampling: SamplingSettings = field(default_factory=SamplingSettings)
     benchmark: BenchmarkConfig = field(default_factory=BenchmarkConfig)
 

@@ -39,6 +39,10 @@ BUILT_IN = {
     "m2_pretrain": BuiltIn("m2.settings:M2Settings", "m2.pretraining:M2Pretraining"),
     "m3": BuiltIn("m3.settings:M3Settings", "m3.module:M3", "m3.pipeline:detect_planes"),
     "m4": BuiltIn("m4.settings:M4Settings", "m4.module:M4", "m4.pipeline:detect_planes"),
+    "pca_icp": BuiltIn(
+        "baselines.settings:PcaIcpSettings", "baselines.module:PcaIcp", "baselines.pca_icp:detect_planes"
+    ),
+    "ransac": BuiltIn("baselines.settings:RansacSettings", "baselines.module:Ransac", "baselines.ransac:detect_planes"),
     "oracle": BuiltIn("oracle.settings:OracleSettings", "oracle.module:Oracle"),
 }
 

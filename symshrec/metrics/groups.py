@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, SOLIDS, UNKNOWN, Labels
+from symshrec.benchmark.cloud import ALL_FAMILIES, ALL_SOLIDS, PERTURBATIONS, UNKNOWN, Labels
 from symshrec.metrics.scores import Scores
 
 ALL = "all"
@@ -32,7 +32,7 @@ def group_masks(labels: Sequence[Labels]) -> dict[str, np.ndarray]:
     {'all': [True, True], 'P1': [True, False], 'astroid': [False, True], 'citrus': [True, False], 'cone': [True, True]}
     """
     masks = {ALL: np.ones(len(labels), bool)} if len(labels) else {}
-    for field, known in (("perturbation", PERTURBATIONS), ("family", FAMILIES), ("solid", SOLIDS)):
+    for field, known in (("perturbation", PERTURBATIONS), ("family", ALL_FAMILIES), ("solid", ALL_SOLIDS)):
         names = np.array([getattr(each, field) for each in labels], dtype=np.str_)
         present = set(names.tolist()) - {UNKNOWN}
         order = [name for name in known if name in present] + sorted(present.difference(known))

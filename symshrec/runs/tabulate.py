@@ -8,6 +8,7 @@ from pathlib import Path
 
 from omegaconf import DictConfig
 
+from symshrec.benchmark.cloud import PUBLISHED_PERTURBATIONS
 from symshrec.files.atomic import write_atomically
 from symshrec.files.predictions import WHOLE
 from symshrec.reporting.figures.figures import make_result_figures
@@ -36,11 +37,12 @@ class Tabulated:
 def tabulate(config: DictConfig) -> Tabulated:
     """Write the tables and figures of all finished runs on `config.data` into `config.paths.tables`.
 
-    P6–P9 come from the runs on `data.hard`, full rotations from those on <data>-so3, where there are any.
+    P6–P9 come from the runs on `data.hard`, P10–P15 from those on `data.scan`, full rotations from those on <data>-so3,
+    where there are any.
 
     Raises:
-        ValueError: where nothing has run yet, naming the command; for runs on another version of the data, for a
-            damaged metrics.json, and for runs whose predictions are gone, naming the runs.
+        ValueError: where nothing has run yet, naming the command; for data that lack one of P0–P5; for runs on another
+            version of the data, for a damaged metrics.json, and for runs whose predictions are gone, naming the runs.
     """
     data, folder = _name(config), Path(config.paths.tables)
     split = datamodule_of(config).split(config.data.test_split)
@@ -50,14 +52,17 @@ def tabulate(config: DictConfig) -> Tabulated:
             f"no finished run in {main.folder}; symshrec evaluate --multirun sweep=tables "
             f"data={config.data.name} makes them"
         )
+    _check_groups(config.data.name, main)
     hard = _rows(config, config.data.hard, table_rows(config))
+    scan = _rows(config, config.data.scan, table_rows(config))
     so3 = _rows(config, f"{config.data.name}-so3", so3_rows(config))
-    apart = {"main": main, "hard": hard, "so3": so3}
+    apart = {"main": main, "hard": hard, "scan": scan, "so3": so3}
     results = list(main.results.values())
     files, text = write_tables(
         results,
         folder,
         hard=list(hard.results.values()),
+        scan=list(scan.results.values()),
         so3=list(so3.results.values()),
         missing={name: rows.missing for name, rows in apart.items()},
     )
@@ -111,6 +116,17 @@ def _name(config: DictConfig) -> str:
 
 def _rows(config: DictConfig, data: str, listed: Sequence[str], manifest: str | None = None) -> Rows:
     return find_rows(Path(config.paths.runs) / data, listed, config.rows.cards, manifest)
+
+
+def _check_groups(data: str, rows: Rows) -> None:
+    """Refuse data that the paper's tables cannot be of."""
+    groups = {score["group"] for result in rows.results.values() for score in result["scores"]}
+    if absent := [name for name in PUBLISHED_PERTURBATIONS if name not in groups]:
+        raise ValueError(
+            f"the paper's tables need P0–P5, and data={data} has no {', '.join(absent)}. Runs on P6–P9 and P10–P15 "
+            "stand in table_hard and table_scan, which symshrec tables data=quick or data=paper makes; every run's "
+            f"scores are in {rows.folder / '<run>' / METRICS_FILE}"
+        )
 
 
 def _with_predictions(rows: Rows, listed: Sequence[str]) -> Rows:

@@ -115,11 +115,16 @@ def benchmark_clouds(config: BenchmarkConfig, split: str = "test") -> list[Label
 
 
 def method_timings(
-    m3: SymmetryMethod, m4: SymmetryMethod, fast: SymmetryMethod, clouds: Sequence[LabelledCloud]
+    m3: SymmetryMethod,
+    m4: SymmetryMethod,
+    fast: SymmetryMethod,
+    clouds: Sequence[LabelledCloud],
+    baselines: Sequence[tuple[str, SymmetryMethod]] = (),
 ) -> Iterator[Timing]:
     """Seconds a cloud of M3 (R1) and M4 on one core, beside plain versions of both and each other, on the same clouds.
 
-    Where there is a GPU, M4's on it too, a cloud's share of one batch of them all.
+    The named baselines follow, beside M4 and M3. Where there is a GPU, M4's on it too, a cloud's share of one batch of
+    them all.
     """
     diffusion = _seconds_each(m3.detect, clouds)
     plain = _seconds_each(lambda points: plain_m3.detect_planes(spatial_order(points.double().numpy())), clouds)
@@ -134,6 +139,10 @@ def method_timings(
                  f"{plain.mean():.3f} s, {plain.max():.3f} s", float(plain.mean() / ours.mean()))  # fmt: skip
     yield _medians("M4, median a cloud, one core, against M3 (R1)", ours, diffusion)
     yield _medians("M4 fast, median a cloud, one core, against M4", _seconds_each(fast.detect, clouds), ours)
+    for name, baseline in baselines:
+        seconds = _seconds_each(baseline.detect, clouds)
+        for other, taken in (("M4", ours), ("M3 (R1)", diffusion)):
+            yield _medians(f"{name}, median a cloud, one core, against {other}", seconds, taken)
     if torch.cuda.is_available():
         yield batch_timing(m4, clouds, float(ours.mean()), "cuda")
 

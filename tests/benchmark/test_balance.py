@@ -8,7 +8,15 @@ import pytest
 
 from symshrec.benchmark.balance import split_labels
 from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS
-from symshrec.benchmark.config import BenchmarkConfig, HardConfig, NoiseConfig, SplitConfig, SurfaceConfig
+from symshrec.benchmark.config import (
+    BenchmarkConfig,
+    HardConfig,
+    NoiseConfig,
+    PlanelessConfig,
+    ScanConfig,
+    SplitConfig,
+    SurfaceConfig,
+)
 from symshrec.benchmark.generate import generate_dataset
 
 TEST_FAMILIES = dict(zip(FAMILIES, (1319, 1302, 1203, 1344, 1289, 1275, 1268), strict=True))
@@ -49,7 +57,7 @@ def test_uneven_counts_hold_exactly_and_spread():
     ("change", "message"),
     [
         ({"splits": {"train": SplitConfig(5, {"P0": 4})}}, r"splits\.train\.perturbations.*add up.*5"),
-        ({"splits": {"train": SplitConfig(5, {"P10": 5})}}, r"P10; there are P0, .*, P9"),
+        ({"splits": {"train": SplitConfig(5, {"P16": 5})}}, r"P16; there are P0, .*, P15"),
         ({"splits": {"train": SplitConfig(5, None, {"astroid": 6, "citrus": -1})}}, r"splits\.train\.families"),
         ({"splits": {"train": SplitConfig(0)}}, r"splits\.train\.clouds is 0"),
         ({"splits": {}}, r"splits is empty"),
@@ -58,6 +66,9 @@ def test_uneven_counts_hold_exactly_and_spread():
         ({"noise": NoiseConfig(gaussian_n=[])}, r"noise\.gaussian_n"),
         ({"noise": NoiseConfig(hard=HardConfig(strong_n=[0]))}, r"noise\.hard\.strong_n is \[0\]"),
         ({"noise": NoiseConfig(hard=HardConfig(few_points=[0, 9]))}, r"noise\.hard\.few_points is \[0, 9\]"),
+        ({"noise": NoiseConfig(scan=ScanConfig(density_ratio=[0.5, 2]))}, r"noise\.scan\.density_ratio is \[0.5, 2\]"),
+        ({"noise": NoiseConfig(scan=ScanConfig(distance=0.5))}, r"noise\.scan\.distance is 0.5"),
+        ({"planeless": PlanelessConfig(bumps=[1, 2])}, r"planeless\.bumps is \[1, 2\]"),
         ({"surface": SurfaceConfig(cylinder_probability=1.2)}, r"surface\.cylinder_probability is 1.2"),
         ({"surface": SurfaceConfig(height=[float("nan"), 4.0])}, r"surface\.height"),
         ({"clouds_per_shard": 0}, r"clouds_per_shard is 0"),

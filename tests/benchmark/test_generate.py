@@ -13,7 +13,16 @@ import numpy as np
 import pytest
 
 from symshrec.benchmark.cloud import FAMILIES, PUBLISHED_PERTURBATIONS
-from symshrec.benchmark.config import BenchmarkConfig, HardConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
+from symshrec.benchmark.config import (
+    BenchmarkConfig,
+    HardConfig,
+    PlanelessConfig,
+    PoseConfig,
+    PoseGroup,
+    ScanConfig,
+    SplitConfig,
+    SurfaceConfig,
+)
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.manifest import ShardError, read_manifest
 from symshrec.benchmark.shards import ShardedSplit
@@ -83,6 +92,11 @@ def test_perturbations_beyond_the_paper_come_only_where_named_and_change_no_othe
     assert other.config["noise"]["hard"]["hole_probability"] == 0
     train = [[each for each in made.shards if each.split == "train"] for made in (manifest, other)]
     assert train[0] == train[1]
+    assert "scan" not in other.config["noise"]
+    assert "planeless" not in other.config
+    config.noise.scan = ScanConfig(bend=[0.0, 0.0])
+    config.planeless = PlanelessConfig(shear=[2.0, 2.0])
+    assert generate_dataset(config, tmp_path / "unscanned", progress=False) == other
     split = ShardedSplit(tmp_path / "hard", "test")
     for index in (0, 41):
         same_cloud(split[index], generate_cloud(config, "test", index))

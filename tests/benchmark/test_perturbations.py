@@ -1,24 +1,35 @@
-"""P0–P9: what moves, by how much, what goes, what comes, and that strength zero is the identity."""
+"""P0–P9: what moves, by how much, what goes, what comes, and that strength zero is the identity for all of them."""
 
 import numpy as np
 import pytest
 
-from symshrec.benchmark.config import DrawnPer, HardConfig, NoiseConfig, NoiseShift
+from symshrec.benchmark.config import BenchmarkConfig, DrawnPer, HardConfig, NoiseConfig, NoiseShift, ScanConfig
 from symshrec.benchmark.perturbations import PERTURBATIONS
+from symshrec.benchmark.scene import Scene
+from symshrec.benchmark.surfaces import draw_shape
+from symshrec.planes import Planes
 
 POINTS = np.random.default_rng(5).normal(size=(5000, 3))
 NONE = [0.0, 0.0]
 
 
-def perturbed(name, config=None, seed=0):
-    return PERTURBATIONS[name](POINTS.copy(), np.random.default_rng(seed), config or NoiseConfig())
+def perturbed(name, config=None, seed=0, points=POINTS):
+    rng = np.random.default_rng(seed) if isinstance(seed, int) else seed
+    scene = Scene(points.copy(), Planes.empty(), None, None)
+    return PERTURBATIONS[name](scene, rng, config or NoiseConfig())[:2]
 
 
-@pytest.mark.parametrize("name", PERTURBATIONS)
+@pytest.mark.parametrize("name", sorted(PERTURBATIONS.keys() - {"P11", "P12"}))  # a view has no strength
 def test_strength_zero_is_the_identity(name):
-    hard = HardConfig(cut_fraction=NONE, outlier_fraction=NONE, few_points=[5000, 5000])
-    points, _ = perturbed(name, NoiseConfig(fraction=NONE, removed_fraction=NONE, hard=hard))
-    np.testing.assert_array_equal(points, POINTS)
+    shape = draw_shape("astroid", np.random.default_rng(1), BenchmarkConfig())
+    clean = shape.surface.points(shape.chart)
+    hard = HardConfig(cut_fraction=NONE, outlier_fraction=NONE, few_points=[len(clean)] * 2)
+    scan = ScanConfig([1.0, 1.0], cut_fraction=NONE, bite_fraction=NONE, floor_width=NONE, bend=NONE)
+    config = NoiseConfig(fraction=NONE, removed_fraction=NONE, hard=hard, scan=scan)
+    scene = Scene(clean.copy(), shape.planes, shape.surface, shape.chart)
+    points, _, planes = PERTURBATIONS[name](scene, np.random.default_rng(0), config)
+    np.testing.assert_array_equal(points, clean)
+    assert planes is shape.planes
 
 
 def test_p0_changes_nothing():
@@ -62,8 +73,8 @@ def test_undersampling_keeps_order_and_the_drawn_share():
 @pytest.mark.parametrize(("combined", "noise"), [("P4", "P1"), ("P5", "P2")])
 def test_combined_perturbations_are_noise_then_undersampling(combined, noise):
     rng = np.random.default_rng(7)
-    expected, first = PERTURBATIONS[noise](POINTS.copy(), rng, NoiseConfig())
-    expected, second = PERTURBATIONS["P3"](expected, rng, NoiseConfig())
+    expected, first = perturbed(noise, seed=rng)
+    expected, second = perturbed("P3", seed=rng, points=expected)
     points, parameters = perturbed(combined, seed=7)
     np.testing.assert_array_equal(points, expected)
     assert parameters == first | second
@@ -89,7 +100,7 @@ def rows_in_points(points):
 def test_p6_cuts_one_side_away_by_a_plane_or_a_ball():
     holes = []
     for seed in range(40):
-        points, parameters = PERTURBATIONS["P6"](POINTS[:800].copy(), np.random.default_rng(seed), NoiseConfig())
+        points, parameters = perturbed("P6", seed=seed, points=POINTS[:800])
         removed = np.delete(POINTS[:800], rows_in_points(points), axis=0)
         assert 0.1 <= parameters["removed_fraction"] <= 0.4
         assert len(removed) == round(parameters["removed_fraction"] * 800)
@@ -146,4 +157,4 @@ def test_p9_leaves_a_few_points_in_order():
     assert 256 <= min(counts) < 350
     assert 930 < max(counts) <= 1024
     few = np.random.default_rng(0).normal(size=(100, 3))
-    np.testing.assert_array_equal(PERTURBATIONS["P9"](few, np.random.default_rng(1), NoiseConfig())[0], few)
+    np.testing.assert_array_equal(perturbed("P9", seed=1, points=few)[0], few)

@@ -9,6 +9,7 @@ from symshrec.benchmark.cloud import FAMILIES, SOLIDS
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig, UnitScaling
 from symshrec.benchmark.curves import draw_curve
 from symshrec.benchmark.generate import SHAPE, generate_cloud
+from symshrec.benchmark.surfaces import draw_shape
 from symshrec.planes import Planes
 
 DENSE = 20_000
@@ -57,6 +58,23 @@ def test_mirroring_across_every_true_plane_gives_the_same_surface(family, solid)
         normals = np.stack([-np.sin(between), np.cos(between), 0 * between], axis=1) @ rotation.T
         false = Planes(normals, np.tile(translation, (lines, 1)))
         assert (distance_to_surface(false.mirror(points), cloud, config).max(axis=1) > 0.02).all()
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_normals_are_across_the_surface(family, solid):
+    config = clean_config(family, solid)
+    shape = draw_shape(family, np.random.default_rng(2), config)
+    chart, rng = shape.chart[:400], np.random.default_rng(3)
+    moved = chart + 1e-4 * np.c_[rng.normal(size=(400, 2)), np.zeros(400)]
+    low, high = shape.surface.curve.domain
+    inside = (chart[:, 1] > 0.01) & (chart[:, 1] < 0.99) & (chart[:, 0] > low + 0.01) & (chart[:, 0] < high - 0.01)
+    tangents = (shape.surface.points(moved) - shape.surface.points(chart))[inside]
+    normals = shape.surface.normals(chart)[inside]
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1)
+    lean = np.abs((tangents * normals).sum(axis=1)) / np.linalg.norm(tangents, axis=1)
+    assert np.median(lean) < 1e-3
+    assert np.quantile(lean, 0.95) < 0.05
 
 
 @pytest.mark.parametrize("solid", SOLIDS)

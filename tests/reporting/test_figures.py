@@ -26,7 +26,13 @@ def a_result(name, tolerances):
 
 def test_gallery_and_perturbations_are_images_of_moderate_size(tmp_path):
     paths = make_figures(tmp_path / "figures")
-    assert [path.name for path in paths] == ["gallery.png", "perturbations.png", "hard.png"]
+    assert [path.name for path in paths] == [
+        "gallery.png",
+        "planeless.png",
+        "perturbations.png",
+        "hard.png",
+        "scan.png",
+    ]
     assert sorted(tmp_path.joinpath("figures").iterdir()) == sorted(paths)
     for path in paths:
         pixels = np.asarray(Image.open(path).convert("L"))
@@ -46,7 +52,7 @@ def test_gallery_shows_every_family_clean(solid, mid_planes):
 def test_perturbations_are_of_one_shape():
     clouds = perturbed_clouds(PERTURBATIONS)
     assert [cloud.labels.perturbation for cloud in clouds] == list(PERTURBATIONS)
-    for cloud in clouds[1:]:
+    for cloud in clouds[1:15]:
         np.testing.assert_array_equal(cloud.planes.normals, clouds[0].planes.normals)
     clean = {tuple(point) for point in clouds[0].points}
     assert {tuple(point) for point in clouds[3].points} < clean
@@ -55,6 +61,9 @@ def test_perturbations_are_of_one_shape():
     for fewer in (clouds[6], clouds[9]):
         assert {tuple(point) for point in fewer.points} < clean
     assert {tuple(point) for point in clouds[8].points} > clean
+    for fewer in clouds[12:14]:
+        assert {tuple(point) for point in fewer.points} < clean
+    assert len(clouds[15].planes) == 1
 
 
 def test_result_figures_follow_what_was_measured(tmp_path):

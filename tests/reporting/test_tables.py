@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 
-from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS
+from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SCAN_PERTURBATIONS, SOLIDS
 from symshrec.reporting.tables.published import published_cells, published_methods
 from symshrec.reporting.tables.published_tables import write_tables
 from symshrec.reporting.tables.results import HIDDEN_METRICS, PUBLISHED_METRICS, find_score, read_result
@@ -14,6 +14,7 @@ from symshrec.reporting.tables.typeset import Grid, Text, latex, markdown
 
 GROUPS = ("all", *PUBLISHED_PERTURBATIONS, *FAMILIES, *SOLIDS)
 HARD_GROUPS = ("all", *HARD_PERTURBATIONS, *FAMILIES, *SOLIDS)
+SCAN_GROUPS = ("all", *SCAN_PERTURBATIONS, *FAMILIES, *SOLIDS)
 TABLED = [(theta, epsilon) for theta in (1.0, 0.1) for epsilon in (0.01, 0.001)]
 
 
@@ -147,8 +148,12 @@ def test_runs_on_other_data_have_tables_of_their_own(tmp_path):
     main = [a_result("M3 (R1)"), a_result("M4")]
     hard = [a_result("M4", manifest="ef" * 32, groups=HARD_GROUPS)]
     so3 = [a_result("M4", TABLED, manifest="cd" * 32)]
-    paths, _ = write_tables(main, tmp_path, hard=hard, so3=so3)
-    assert {path.stem for path in paths} == {"table2", "table3", "table4", "table_hard", "table_so3"}
+    scan = [a_result("RANSAC + ICP", manifest="0f" * 32, groups=SCAN_GROUPS)]
+    paths, _ = write_tables(main, tmp_path, hard=hard, so3=so3, scan=scan)
+    assert {path.stem for path in paths} == {"table2", "table3", "table4", "table_hard", "table_scan", "table_so3"}
+    rows = read_csv(tmp_path / "table_scan.csv")
+    assert [row["group"] for row in rows[:7]] == ["all", "P10", "P11", "P12", "P13", "P14", "P15"]
+    assert float(rows[6]["ours"]) == pytest.approx(find_score(scan[0], "mAP", "P15"), abs=1e-6)
     rows = read_csv(tmp_path / "table_hard.csv")
     assert [row["group"] for row in rows[:5]] == ["all", "P6", "P7", "P8", "P9"]
     assert {(row["table"], row["method"]) for row in rows} == {("hard", "M4")}

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from omegaconf import OmegaConf
 
+from symshrec.benchmark.cloud import HARD_PERTURBATIONS, SCAN_PERTURBATIONS
 from symshrec.benchmark.config import check_config
 from symshrec.methods.oracle.settings import OracleSettings
 from symshrec.methods.registry import BUILT_IN, settings_class
@@ -17,6 +18,7 @@ from symshrec.runs.evaluate import datamodule_of
 ROOT = Path(__file__).parents[2]
 FILES = sorted(path.relative_to(conf_folder()) for path in conf_folder().glob("*/*.yaml"))
 RUNS = {path.stem: path.stem.partition("_")[0] for path in (conf_folder() / "run").glob("*.yaml")}  # of which method
+RUNS["pca_icp"] = "pca_icp"
 NEEDS = {f"run/{run}": [f"method={method}"] for run, method in RUNS.items()}
 NEEDS |= {f"data/{name}": ["data.root=somewhere"] for name in ("official", "clouds")}
 
@@ -32,19 +34,22 @@ def test_every_file_composes_and_instantiates(file):
         check_config(benchmark_of(config))
 
 
-def test_scales_have_the_published_sizes():
+def test_data_have_their_sizes_their_perturbations_evenly_and_others_beside_them():
     sizes = {"smoke": 84, "quick": 4830, "paper": 69_000, "x10": 690_000, "hard": 3600, "hard_quick": 84}
-    for scale, clouds in sizes.items():
-        splits = benchmark_of(load([f"data={scale}"])).splits
-        assert sum(each.clouds for each in splits.values()) == clouds
-
-
-def test_hard_data_has_p6_to_p9_evenly_and_stands_beside_its_scale():
-    for name, each in (("hard", 900), ("hard_quick", 21)):
-        splits = benchmark_of(load([f"data={name}"])).splits
-        assert splits["test"].perturbations == dict.fromkeys(("P6", "P7", "P8", "P9"), each)
-    assert load(["data=paper"]).data.hard == "hard"
-    assert load(["data=quick"]).data.hard == "hard_quick"
+    sizes |= {"scan": 7200, "scan_quick": 84, "planeless": 1200, "planeless_quick": 84}
+    configs = {scale: load([f"data={scale}"]) for scale in sizes}
+    splits = {scale: benchmark_of(config).splits for scale, config in configs.items()}
+    assert {scale: sum(each.clouds for each in own.values()) for scale, own in splits.items()} == sizes
+    for scale, names, clouds in (
+        ("hard", HARD_PERTURBATIONS, 900),
+        ("hard_quick", HARD_PERTURBATIONS, 21),
+        ("scan", SCAN_PERTURBATIONS, 600),
+        ("scan_quick", SCAN_PERTURBATIONS, 14),
+    ):
+        assert splits[scale]["test"].perturbations == dict.fromkeys(names, clouds)
+        assert splits[scale]["test"].families is None
+    for scale, hard, scan in (("paper", "hard", "scan"), ("quick", "hard_quick", "scan_quick")):
+        assert (configs[scale].data.hard, configs[scale].data.scan) == (hard, scan)
 
 
 @pytest.mark.parametrize("overrides", [["run=m3_r2", "method.refine=true"], ["experiment=m3_r2", "method.refine=true"]])

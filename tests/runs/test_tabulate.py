@@ -85,6 +85,13 @@ def test_tables_say_how_to_begin(runs):
         tabulate(runs())
 
 
+def test_data_without_the_papers_perturbations_are_refused_with_where_their_table_is(runs):
+    without = runs("data.perturbations=[P0]", "data.variant=-clean")
+    evaluate(without)
+    with pytest.raises(ValueError, match=r"data=smoke has no P1, P2, P3, P4, P5\. .* P10–P15 stand in .* data=quick"):
+        tabulate(without)
+
+
 def test_a_partial_run_enters_no_table(runs):
     evaluate(runs())
     evaluate(runs("name=part", "title=Part", "data.batch_size=8", "+trainer.limit_test_batches=1"))

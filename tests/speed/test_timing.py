@@ -4,6 +4,7 @@ import pytest
 import torch
 
 from symshrec.benchmark.cloud import PUBLISHED_PERTURBATIONS
+from symshrec.methods.baselines.module import PcaIcp
 from symshrec.methods.m3.module import M3
 from symshrec.methods.m4.module import M4
 from symshrec.methods.m4.settings import M4Settings
@@ -29,7 +30,7 @@ def test_the_timed_clouds_are_as_many_under_every_perturbation(clouds):
 
 def test_methods_have_a_line_beside_each_other_way(clouds, monkeypatch):
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    timings = list(method_timings(M3(), M4(), M4(M4Settings(rounds=0)), clouds[:2]))
+    timings = list(method_timings(M3(), M4(), M4(M4Settings(rounds=0)), clouds[:2], [("PCA + ICP", PcaIcp())]))
     table = markdown(timings_grid(timings))
     for part in (
         "M3 (R1), median",
@@ -39,6 +40,8 @@ def test_methods_have_a_line_beside_each_other_way(clouds, monkeypatch):
         "mean and longest",
         "against M3 (R1)",
         "M4 fast, median",
+        "PCA + ICP, median a cloud, one core, against M4",
+        "PCA + ICP, median a cloud, one core, against M3 (R1)",
     ):
         assert part in table
     for timing in timings:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from symshrec.benchmark.cloud import FAMILIES, PERTURBATIONS, UNKNOWN, Labels
+from symshrec.benchmark.cloud import ALL_FAMILIES, PERTURBATIONS, UNKNOWN, Labels
 from symshrec.benchmark.official.numbers import LONGEST_QUOTE, check_count, complaint, parse_rows, split_count
 from symshrec.benchmark.official.text import (
     PLANE_COLUMNS,
@@ -19,13 +19,14 @@ from symshrec.benchmark.official.text import (
 from symshrec.files.atomic import write_atomically
 from symshrec.planes import Planes
 
-FAMILY_NAMES = {family: family for family in FAMILIES} | {"lemniscate_bernoulli": "lemniscate"}
+FAMILY_NAMES = {family: family for family in ALL_FAMILIES} | {"lemniscate_bernoulli": "lemniscate"}
 PERTURBATION_NAMES = dict(
     zip(
         PERTURBATIONS,
         (
             *("clean", "uniform", "gaussian", "undersampling", "undersampling+uniform", "undersampling+gaussian"),
-            *("partial", "strongnoise", "outliers", "fewpoints"),  # ours, which the successor has not
+            *("partial", "strongnoise", "outliers", "fewpoints"),  # ours, which the successor has not; so are these:
+            *("uneven", "onesided", "singleview", "cut", "floor", "bent"),
         ),
         strict=True,
     )
@@ -44,7 +45,7 @@ def _either_order(name: str) -> tuple[str, str]:
     return name, "+".join(reversed(name.split("+")))
 
 
-FAMILY_OF = {_key(name): family for family in FAMILIES for name in (family, FAMILY_NAMES[family])}
+FAMILY_OF = {_key(name): family for family in ALL_FAMILIES for name in (family, FAMILY_NAMES[family])}
 PERTURBATION_OF = {
     _key(name): code for code in PERTURBATIONS for name in (code, *_either_order(PERTURBATION_NAMES[code]))
 }

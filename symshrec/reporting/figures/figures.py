@@ -12,13 +12,23 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SOLIDS, LabelledCloud
+from symshrec.benchmark.cloud import (
+    FAMILIES,
+    HARD_PERTURBATIONS,
+    PLANELESS,
+    PLANELESS_SOLIDS,
+    PUBLISHED_PERTURBATIONS,
+    SCAN_PERTURBATIONS,
+    SOLIDS,
+    LabelledCloud,
+)
 from symshrec.benchmark.config import (
     BenchmarkConfig,
     HardConfig,
     NoiseConfig,
     PoseConfig,
     PoseGroup,
+    ScanConfig,
     SplitConfig,
     SurfaceConfig,
 )
@@ -44,15 +54,23 @@ WHAT = {
     "P7": "strong noise",
     "P8": "outliers",
     "P9": "few points",
+    "P10": "uneven density",
+    "P11": "one-sided scanner",
+    "P12": "single view",
+    "P13": "cut or bite",
+    "P14": "floor",
+    "P15": "nearly symmetric",
 }
 
 
 def make_figures(folder: Path) -> list[Path]:
-    """Write gallery.png, perturbations.png and hard.png, always the same, from clouds generated on the spot."""
+    """Write gallery, planeless, perturbations, hard and scan .png, always the same, from clouds made on the spot."""
     figures = {
         "gallery.png": gallery(),
+        "planeless.png": planeless(),
         "perturbations.png": perturbations(PUBLISHED_PERTURBATIONS),
         "hard.png": perturbations(HARD_PERTURBATIONS),
+        "scan.png": perturbations(SCAN_PERTURBATIONS),
     }
     return [save_figure(figure, Path(folder) / name) for name, figure in figures.items()]
 
@@ -99,14 +117,31 @@ def gallery(seed: int = 2023) -> Figure:
     return figure
 
 
+def planeless(seed: int = 2023, each: int = 2) -> Figure:
+    """Shapes without a mirror plane, `each` of every kind."""
+    split = SplitConfig(16, perturbations={"P0": 16}, families={PLANELESS: 16})
+    config = BenchmarkConfig(seed=seed, pose=PoseConfig(group=PoseGroup.none), splits={"planeless": split})
+    clouds = [generate_cloud(config, "planeless", index) for index in range(split.clouds)]
+    shown = [cloud for kind in PLANELESS_SOLIDS for cloud in [c for c in clouds if c.labels.solid == kind][:each]]
+    figure = Figure(figsize=(2.5 * len(shown), 2.8))
+    figure.subplots_adjust(0, 0, 1, 0.9, wspace=0.12)
+    for ax, cloud in zip(figure.subplots(1, len(shown)), shown, strict=True):
+        draw_cloud(ax, cloud.points, title=cloud.labels.solid, limit=6400, size=1.5)
+    return figure
+
+
 def perturbed_clouds(names: Sequence[str], family: str = "astroid", seed: int = 2023) -> list[LabelledCloud]:
     """One upright cylinder under the named perturbations: the same surface points, differently disturbed."""
     hard = HardConfig(cut_fraction=[0.3, 0.3], strong_n=[7], outlier_fraction=[0.2, 0.2], few_points=[512, 512])
+    scan = ScanConfig(
+        [10.0] * 2, 0.0, bite_probability=0.0, cut_fraction=[0.25] * 2, floor_width=[2.0] * 2, bend=[0.04] * 2
+    )
+    noise = NoiseConfig([0.6] * 2, [0.6] * 2, uniform_n=[15], gaussian_n=[20], hard=hard, scan=scan)
     base = BenchmarkConfig(
         seed=seed,
         surface=SurfaceConfig(cylinder_probability=1.0, height=[1.5, 1.5]),
         pose=PoseConfig(group=PoseGroup.none),
-        noise=NoiseConfig(fraction=[0.6] * 2, removed_fraction=[0.6] * 2, uniform_n=[15], gaussian_n=[20], hard=hard),
+        noise=noise,
     )
     splits = {name: SplitConfig(1, perturbations={name: 1}, families={family: 1}) for name in names}
     return [generate_cloud(replace(base, splits={"one": split}), "one", 0) for split in splits.values()]

@@ -1,8 +1,8 @@
-"""Which tables there are: the paper's Tables 2–4, the same ten times tighter, under full rotations, and P6–P9."""
+"""Which tables there are: the paper's Tables 2–4, the same ten times tighter, under full rotations, P6–P9, P10–P15."""
 
 from dataclasses import dataclass
 
-from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS
+from symshrec.benchmark.cloud import FAMILIES, HARD_PERTURBATIONS, PUBLISHED_PERTURBATIONS, SCAN_PERTURBATIONS
 from symshrec.reporting.tables.results import EPSILON, THETA_DEG, TIGHT_EPSILON, TIGHT_THETA_DEG
 
 
@@ -71,4 +71,10 @@ HARD_DOCUMENT = Document(
     "table_hard",
     "Beyond the paper: P6 partial clouds, P7 strong noise, P8 outliers, P9 few points, at " + STANDARD,
     (Layout("hard", "by perturbation", ALL | {name: name for name in HARD_PERTURBATIONS}, 3),),
+)
+SCAN_DOCUMENT = Document(
+    "table_scan",
+    "Beyond the paper, as scanners see: P10 uneven density, P11 one-sided scanner, P12 single view, P13 cut or bite, "
+    "P14 floor, P15 nearly symmetric, at " + STANDARD,
+    (Layout("scan", "by perturbation", ALL | {name: name for name in SCAN_PERTURBATIONS}, 3),),
 )

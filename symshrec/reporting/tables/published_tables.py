@@ -11,6 +11,7 @@ from symshrec.reporting.tables.documents import Page, csv_text, write_pages
 from symshrec.reporting.tables.layouts import (
     HARD_DOCUMENT,
     PAPER_DOCUMENTS,
+    SCAN_DOCUMENT,
     SO3_DOCUMENT,
     TIGHT_DOCUMENT,
     Document,
@@ -211,18 +212,19 @@ def write_tables(
     folder: Path,
     hard: Sequence[dict] = (),
     so3: Sequence[dict] = (),
+    scan: Sequence[dict] = (),
     missing: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> tuple[list[Path], str]:
     """Write table2, table3, table4 as .md, .csv and .tex, and those of ours that there are results for.
 
-    table_tight where results were scored ten times tighter too, sweep where at more tolerances than that, table_hard
-    and table_so3 from the results on other data.
+    table_tight where results were scored ten times tighter too, sweep where at more tolerances than that, table_hard,
+    table_scan and table_so3 from the results on other data.
 
     Args:
         results: metrics.json dictionaries (`results.read_result`), one per row, in row order, on the same data.
         folder: made where missing; each file is replaced in one step.
-        hard, so3: likewise, on data of P6–P9 and on data under full rotations.
-        missing: runs to name below the tables as not run: `main` for those on the same data, `hard`, `so3`.
+        hard, so3, scan: likewise, on data of P6–P9, on data under full rotations, and on data of P10–P15.
+        missing: runs to name below the tables as not run: `main` for those on the same data, `hard`, `scan`, `so3`.
 
     Returns:
         The files written, and the tables as text to print.
@@ -231,7 +233,12 @@ def write_tables(
         ValueError: for no results, two of one name, differing data, or a missing score (file, metric and group named).
     """
     tight = [result for result in results if scored_at(result, TIGHT_THETA_DEG, TIGHT_EPSILON)]
-    beside = ((TIGHT_DOCUMENT, tight, "main"), (HARD_DOCUMENT, hard, "hard"), (SO3_DOCUMENT, so3, "so3"))
+    beside = (
+        (TIGHT_DOCUMENT, tight, "main"),
+        (HARD_DOCUMENT, hard, "hard"),
+        (SCAN_DOCUMENT, scan, "scan"),
+        (SO3_DOCUMENT, so3, "so3"),
+    )
     pages = [_page(document, results, missing.get("main", ())) for document in PAPER_DOCUMENTS]
     pages += [_page(document, own, missing.get(name, ())) for document, own, name in beside if own]
     if several := swept(results):
