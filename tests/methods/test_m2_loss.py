@@ -79,7 +79,7 @@ def test_chamfer_and_regularisation_keep_full_precision_under_autocast():
 def petals(request):
     """A clean generated petal cone of so many points as M2 sees it, and the normals of its true planes."""
     shape = draw_shape("geometric_petal", np.random.default_rng(3), BenchmarkConfig())
-    points = torch.from_numpy(shape.points).float()
+    points = torch.from_numpy(shape.surface.points(shape.chart)).float()
     points = points[farthest_point_sampling(points, torch.tensor([len(points)]), request.param)[0]]
     points = points - points.mean(0)
     return points / points.norm(dim=1).max(), torch.from_numpy(shape.planes.normals).float()
