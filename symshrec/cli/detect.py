@@ -108,10 +108,12 @@ def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Fo
 
 
 def detect_file(path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0) -> Detection:
-    """Read one file, detect, and measure the residual of every plane; errors as `read_cloud` and `detect`."""
+    """Read one file, detect, and measure residual and support of every plane; errors as `read_cloud` and `detect`."""
+    from symshrec.methods.fit.judgement import supports  # torch: see `_detector`
+
     cloud = read_cloud(path, samples, seed)
     planes = detect(cloud.points)
-    return Detection(path, cloud, planes, mirror_residuals(cloud.points, planes))
+    return Detection(path, cloud, planes, mirror_residuals(cloud.points, planes), supports(cloud.points, planes))
 
 
 def _detector(options: argparse.Namespace) -> tuple[Detect, float]:

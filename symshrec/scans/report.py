@@ -17,12 +17,13 @@ FIGURES = 6  # significant, of lengths beside the cloud's diagonal
 
 @dataclass(frozen=True, eq=False)
 class Detection:
-    """A file's cloud, its planes, and of each plane the mean residual (K,) in the cloud's unit."""
+    """A file's cloud, its planes, and of each plane the mean residual (K,) in the cloud's unit and its support (K,)."""
 
     path: Path
     cloud: FileCloud
     planes: Planes
     residuals: np.ndarray
+    supports: np.ndarray
 
     @cached_property
     def diagonal(self) -> float:
@@ -38,6 +39,7 @@ class Detection:
                 "offset": float(planes.offsets[row]),
                 "point": planes.points[row].tolist(),
                 "confidence": float(planes.confidences[row]),
+                "support": float(self.supports[row]),
                 "residual": float(self.residuals[row]),
                 "residual_percent": float(100 * self.residuals[row] / diagonal),
             }
@@ -79,7 +81,7 @@ def as_table(detection: Detection, min_confidence: float) -> str:
         return f"{printable(detection.path)}: no mirror plane of confidence {min_confidence:g} or more ({points})"
     plural = "s" * (len(rows) > 1)
     decimals = max(0, FIGURES - 1 - int(np.floor(np.log10(diagonal))))
-    header = ["", "normal", "offset", "point", "confidence", "mean residual", "% of diagonal"]
+    header = ["", "normal", "offset", "point", "confidence", "support", "mean residual", "% of diagonal"]
     cells = [
         [
             str(number),
@@ -87,6 +89,7 @@ def as_table(detection: Detection, min_confidence: float) -> str:
             f"{row['offset']:.{decimals}f}",
             _vector(row["point"], decimals),
             f"{row['confidence']:.3f}",
+            f"{row['support']:.3f}",
             f"{row['residual']:.3g}",
             f"{row['residual_percent']:.3f}",
         ]

@@ -49,7 +49,8 @@ def test_the_table_has_the_planes_by_confidence_in_the_files_coordinates(box, ca
     told = capsys.readouterr()
     title, header, *rows = told.out.splitlines()
     assert title.startswith("box.ply: 2 mirror planes (2,000 points, diagonal 3.7")
-    assert header.split() == ["normal", "offset", "point", "confidence", "mean", "residual", "%", "of", "diagonal"]
+    columns = ["normal", "offset", "point", "confidence", "support", "mean residual", "% of diagonal"]
+    assert header.split() == " ".join(columns).split()
     assert len(rows) == 2
     for row, (axis, confidence) in zip(rows, ((0, 0.9), (2, 0.7)), strict=True):
         cells = [float(cell) for cell in row.split()]

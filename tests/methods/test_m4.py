@@ -13,7 +13,7 @@ from symshrec.methods.m4.confidence import confidences
 from symshrec.methods.m4.module import M4
 from symshrec.methods.m4.pipeline import detect_planes
 from symshrec.methods.m4.search import hemisphere
-from symshrec.methods.m4.settings import CALIBRATION, M4Settings
+from symshrec.methods.m4.settings import CALIBRATION, SURFACE_CALIBRATION, M4Settings
 from symshrec.planes import Planes, axis_angles
 from symshrec.runs.config import load
 from symshrec.speed.plain.m4 import detect_planes as plain_planes
@@ -133,6 +133,26 @@ def test_an_asymmetric_cloud_has_no_plane_above_one_half():
     assert not len(sure(detect_planes(points)))
 
 
+def icosahedron(count=6000, seed=5):
+    """Points spread over the faces of an icosahedron: 15 mirror planes, each across one of its 30 edges."""
+    golden = (1 + 5**0.5) / 2
+    corners = np.array([(0, a, b * golden) for a in (-1, 1) for b in (-1, 1)])
+    corners = np.concatenate([np.roll(corners, turn, axis=1) for turn in range(3)])
+    apart = np.linalg.norm(corners[:, None] - corners, axis=-1)
+    edges = np.argwhere(np.triu(np.abs(apart - 2) < 1e-6))
+    faces = [(i, j, k) for i, j in edges for k in range(j + 1, 12) if max(apart[i, k], apart[j, k]) < 2.01]
+    rng = np.random.default_rng(seed)
+    chosen = corners[np.array(faces)[rng.integers(len(faces), size=count)]]  # (N, 3 corners, 3)
+    normals = corners[edges[:, 0]] - corners[edges[:, 1]]
+    once = [row for row in range(30) if all(abs(normals[row] @ normals[other]) < 3.99 for other in range(row))]
+    return (rng.dirichlet(np.ones(3), count)[..., None] * chosen).sum(1), Planes(normals[once], np.zeros((15, 3)))
+
+
+def test_all_planes_of_an_icosahedron():
+    points, expected = icosahedron()
+    assert_are(sure(detect_planes(points)), expected, 1.0, 0.03)
+
+
 @pytest.mark.parametrize(
     "points",
     [
@@ -223,6 +243,8 @@ def test_confidence_falls_with_the_divergence_and_forgives_sparse_clouds():
 def test_the_calibration_is_the_recorded_one():
     record = json.loads((Path(__file__).parents[2] / "results" / "calibration.json").read_text())
     assert tuple(record["calibration"]) == CALIBRATION
+    by_surface = json.loads((Path(__file__).parents[2] / "results" / "surface_calibration.json").read_text())
+    assert tuple(by_surface["surface_calibration"]) == SURFACE_CALIBRATION
     assert load(["method=m4"]).method.calibration == record["calibration"]
 
 

@@ -39,18 +39,22 @@ class AlignmentSettings:
 
 
 def aligned(
-    cloud: Tensor, normals: Tensor, offsets: Tensor, together: bool, settings: AlignmentSettings
-) -> tuple[Tensor, Tensor]:
+    neighbours: Neighbours, normals: Tensor, offsets: Tensor, tied: Tensor, settings: AlignmentSettings
+) -> tuple[Tensor, Tensor, Tensor]:
     """Symmetries (K, 3), (K,) of a cloud (N, 3), known to about 1°, to a tenth of that where points are exact.
 
     Args:
-        cloud: in the frame of `frame_of`, any prefix of it being a random sample.
+        neighbours: in the cloud, which is in the frame of `frame_of`, any prefix of it being a random sample.
         normals, offsets: the surest first, whose mirrored points make the local planes denser.
-        together: whether their relations tie them.
+        tied: (K,) bool, the sure ones, which their relations tie together, and which must have come to rest.
+
+    Returns:
+        Normals, offsets, and the same offsets but that those which the surface is blind to are midway between the ends.
     """
-    neighbours = Neighbours(cloud)
-    relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE) if together else None
-    blind = torch.zeros_like(offsets, dtype=torch.bool)
+    cloud = neighbours.points
+    relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE).among(tied)
+    heard = tied if tied.any() else torch.ones_like(tied)
+    blind = torch.zeros_like(tied)
     everyone = cloud[: settings.points]
     nearest = neighbours.query(everyone, min(settings.neighbours, len(cloud)))
     surroundings = cloud[nearest] - everyone[:, None]
@@ -66,12 +70,13 @@ def aligned(
             basis = tangents(normals)
             matrices, right, blind = pairs.system(normals, offsets, basis, scale)
             normals, offsets = stepped(normals, offsets, basis, matrices, right, LONGEST_STEP, relations)
-        if max((normals - before[0]).abs().max(), (offsets - before[1]).abs().max()) < CONVERGED:
+        moved = torch.maximum((normals - before[0]).abs().amax(1), (offsets - before[1]).abs())
+        if moved[heard].max() < CONVERGED:
             break
-    offsets = offsets.clone()
+    surface, offsets = offsets, offsets.clone()
     for row in torch.nonzero(blind)[:, 0].tolist():
         offsets[row] = _middle(cloud, neighbours, normals[row], settings.neighbours).to(offsets.dtype)
-    return normals, offsets
+    return normals, surface, offsets
 
 
 def _middle(cloud: Tensor, neighbours: Neighbours, normal: Tensor, count: int) -> Tensor:

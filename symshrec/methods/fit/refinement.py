@@ -11,6 +11,7 @@ from symshrec.methods.fit.coupling import images_of_planes
 from symshrec.methods.fit.density import densities
 from symshrec.methods.fit.frame import frame_of
 from symshrec.methods.fit.likelihood import ascended, divergence
+from symshrec.methods.fit.surface import Neighbours
 from symshrec.methods.settings import check_ranges
 from symshrec.planes import Planes
 
@@ -129,7 +130,8 @@ def _aligned(points: Tensor, normals: Tensor, offsets: Tensor, divergences: Tens
     order = torch.argsort(divergences, stable=True)
     sure = order[divergences[order] < divergences.min() + TIED]
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
-    normals[sure], offsets[sure] = aligned(points, normals[sure], offsets[sure], settings.together, alignment)
+    tied = torch.full_like(sure, settings.together, dtype=torch.bool)
+    normals[sure], _, offsets[sure] = aligned(Neighbours(points), normals[sure], offsets[sure], tied, alignment)
     return normals, offsets
 
 

@@ -16,7 +16,7 @@ class Neighbours:
         self.points = points
         self.tree = None
         if points.device.type == "cpu":
-            self.tree = cKDTree(points.numpy(), leafsize=16)
+            self.tree = cKDTree(points.numpy(), leafsize=16, balanced_tree=False)
 
     def query(self, queries: Tensor, count: int) -> Tensor:
         """Indices (..., count) of the nearest points to (..., 3) queries, nearest first."""
@@ -30,6 +30,33 @@ class Neighbours:
             for part in queries.reshape(-1, 3).split(rows)
         ]
         return torch.cat(found).reshape(shape)
+
+    def distances(self, queries: Tensor, count: int) -> Tensor:
+        """Distances (M, count) float32 to the nearest points to (M, 3) queries, nearest first."""
+        if self.tree is not None:
+            return torch.from_numpy(self.tree.query(queries.numpy(), count)[0]).float()
+        nearest = self.points[self.query(queries, count)]
+        return (nearest - queries[:, None]).norm(dim=-1)
+
+    def within(self, queries: Tensor, reach: float) -> tuple[Tensor, Tensor]:
+        """The nearest point to each of (..., 3) queries, where one is within `reach`.
+
+        Returns:
+            Distances (...), inf where none is; indices (...), then one past the last.
+        """
+        if self.tree is not None:
+            distances, nearest = self.tree.query(queries.numpy(), 1, distance_upper_bound=reach)
+            return torch.from_numpy(distances).float(), torch.from_numpy(nearest)
+        nearest = self.query(queries, 1)[..., 0]
+        distances = (self.points[nearest] - queries).norm(dim=-1)
+        far = distances > reach
+        return distances.masked_fill(far, torch.inf), nearest.masked_fill(far, len(self.points))
+
+    def pairs(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
+        """All pairs of rows of points nearer to each other than `reach`, the lower row first."""
+        tree = self.tree or cKDTree(self.points.cpu().numpy(), leafsize=16, balanced_tree=False)
+        found = tree.query_pairs(reach, output_type="ndarray")
+        return found.min(1), found.max(1)
 
 
 def local_planes(around: Tensor, scales: tuple[float, ...]) -> tuple[Tensor, Tensor]:

@@ -1,14 +1,26 @@
-"""M4 step 5: confidences from divergences, by a logistic regression that training shapes have calibrated."""
+"""M4 step 5: confidences from what speaks for and against a plane, by logistic regressions on training shapes."""
+
+from math import log
 
 import torch
 from torch import Tensor
 
+from symshrec.methods.fit.judgement import Judgement
+
 FEWEST = 256  # points of the sparsest clouds calibrated on; fewer count as so many
 NAMES = ("divergence", "excess", "sparseness")  # of the features, after the intercept
+# The same, of planes that are judged by surface.
+SURFACE_NAMES = ("by density", "misfit", "excess", "coarseness", "thickness", "blur", "behind", "extent")
+SURE = 4.0  # logit by density beyond which more tells no more
+HOPELESS = -12.0  # and below which
+STRICT, ROOM = 8, 0.05  # misfit = log(1 + ROOM − support^STRICT · seen)
+MOST_EXCESS, MOST_BEHIND = 0.3, 0.6  # beyond which more tells no more, since what is missing costs as much
+THIN, MOST_THICK = 0.4, 2.0  # count · spacing² of a surface at most; the most of its logarithm above that
+LEAST, MOST = -0.05, 0.3  # nats, between which a divergence tells
 
 
 def features(divergences: Tensor, count: int) -> Tensor:
-    """What a plane's confidence depends on: (K, 3) float64.
+    """What the confidence of a plane depends on in an even sample of a whole object: (K, 3) float64.
 
     Args:
         divergences: (K,), of the planes of one cloud. count: its points.
@@ -17,18 +29,61 @@ def features(divergences: Tensor, count: int) -> Tensor:
         The divergence; how far it is above that of the cloud's best plane; and 1 / √count, since chance alone makes
         the mirror image of a sparse cloud fit it less well.
     """
+    own = divergences.double()
+    return torch.stack([own, own - own.min(), torch.full_like(own, max(count, FEWEST) ** -0.5)], dim=1)
+
+
+def surface_features(
+    by_density: Tensor, divergences: Tensor, judgement: Judgement, count: int, spacing: float
+) -> Tensor:
+    """What it depends on where the sample is uneven or parts of the object are missing: (K, 8) float64.
+
+    Args:
+        by_density: (K,), logits by the other regression. divergences: (K,), in the evened cloud, about 0 for a
+            symmetry. judgement: of the planes. count, spacing: of the evened cloud.
+
+    Returns:
+        In the order of SURFACE_NAMES: the logit, cut off at both ends; misfit, how much surface has no mirror image,
+        what contradicts the symmetry weighing far more than what is missing; excess, how far the divergence is above
+        that of the cloud's best plane; coarseness, the logarithm of the spacing, within which every image counts as
+        supported, so that chance supports planes of sparse clouds; thickness, how far the evened points fill more than
+        a surface, as noise and volumes do, whose planes support does not tell apart; blur, the divergence, which does,
+        times the thickness; behind, how much less surface has a mirror image than in the cloud's best plane; and
+        extent, the share of the points that the plane moves.
+    """
     divergences = divergences.double()
+    value = judgement.support.double() ** STRICT * judgement.seen.double()
+    one = torch.ones_like(divergences)
+    thickness = one * min(max(log(count * spacing**2 / THIN), 0.0), MOST_THICK)
     return torch.stack(
-        [divergences, divergences - divergences.min(), torch.full_like(divergences, max(count, FEWEST) ** -0.5)], dim=1
+        [
+            by_density.double().clamp(HOPELESS, SURE),
+            (1 + ROOM - value).log(),
+            (divergences - divergences.min()).clamp_max(MOST_EXCESS),
+            one * log(spacing),
+            thickness,
+            divergences.clamp(LEAST, MOST) * thickness,
+            (value.max() - value).clamp_max(MOST_BEHIND),
+            judgement.told.double(),
+        ],
+        dim=1,
     )
 
 
+def logits(table: Tensor, calibration: tuple[float, ...]) -> Tensor:
+    """The log-odds (K,) float64 that planes of features (K, F) are symmetries.
+
+    Args:
+        calibration: the intercept, then the weights of the features.
+    """
+    intercept, *weights = calibration
+    return intercept + table @ torch.tensor(weights, dtype=torch.float64, device=table.device)
+
+
 def confidences(divergences: Tensor, count: int, calibration: tuple[float, ...]) -> Tensor:
-    """How likely each of the K planes is a symmetry, (K,) float64 in (0, 1).
+    """How likely each of the K planes of an even sample is a symmetry, (K,) float64 in (0, 1).
 
     Args:
         calibration: the intercept, then the weights of the `features`.
     """
-    intercept, *others = calibration
-    weights = torch.tensor(others, dtype=torch.float64, device=divergences.device)
-    return torch.sigmoid(intercept + features(divergences, count) @ weights)
+    return torch.sigmoid(logits(features(divergences, count), calibration))

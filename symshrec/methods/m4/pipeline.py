@@ -1,38 +1,63 @@
 """M4, our training-free detector: one cloud in, its mirror planes out."""
 
+from dataclasses import dataclass
+
+import numpy as np
 import torch
 from torch import Tensor
 
 from symshrec.methods.fit.alignment import AlignmentSettings, aligned
-from symshrec.methods.fit.coupling import closure, distinct, find_relations, orbit_means
-from symshrec.methods.fit.density import Density, densities
-from symshrec.methods.fit.frame import frame_of
-from symshrec.methods.fit.likelihood import RELATION_DEG, RELATION_DISTANCE, ascended, divergence
-from symshrec.methods.m4.confidence import confidences
-from symshrec.methods.m4.search import searched
+from symshrec.methods.fit.coupling import distinct
+from symshrec.methods.fit.density import Density
+from symshrec.methods.fit.evening import evened
+from symshrec.methods.fit.floor import without_floor
+from symshrec.methods.fit.frame import Frame, checked, frame_of
+from symshrec.methods.fit.judgement import Judge
+from symshrec.methods.fit.likelihood import ascended, divergence
+from symshrec.methods.fit.polishing import polished, slid
+from symshrec.methods.fit.surface import Neighbours
+from symshrec.methods.m4.confidence import confidences, features, logits, surface_features
+from symshrec.methods.m4.density_search import DensitySearch
 from symshrec.methods.m4.settings import M4Settings
+from symshrec.methods.m4.surface_search import FINE_POINTS, FINE_STEPS, LONGEST_STEP, SurfaceSearch, repulsion
 from symshrec.planes import Planes
 
-# Lengths are shares of the cloud's size (see `frame_of`), divergences in nats a point.
-COARSE_POINTS, COARSE_STEPS, COARSE_STEP = 200, 2, 0.12
-MIDDLE_POINTS, MIDDLE_STEPS = 800, 4
-FINE_POINTS, FINE_STEPS = 1500, 3
-LONGEST_STEP = 0.05
-HOPELESS = (0.6, 0.5, 0.3, 0.2, 0.12)  # divergences beyond which a candidate goes, stage by stage
-LIKELY, TIED = 0.08, 0.025  # divergences above the best plane's up to which planes are completed, and tied together
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
+SURE = 0.9  # confidence of the best plane by density from which surface is not asked
+NOISY = 1.0  # count · spacing² of the evened cloud, beyond which its points fill a volume rather than a surface
+WORTH = 0.5  # of the best plane's merit, of another that is aligned
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """Planes of a cloud in its frame: normals (K, 3), offsets (K,), confidences (K,) float64."""
+
+    normals: Tensor
+    offsets: Tensor
+    confidences: Tensor
+
+
+@dataclass(frozen=True, eq=False)
+class FoundByDensity(Found):
+    """Beside them their divergences (K,), in the `finest` density of the cloud."""
+
+    divergences: Tensor
+    finest: Density
 
 
 @torch.inference_mode()
 def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     """The mirror planes of one cloud, by descending confidence.
 
-    Confidence says how likely a plane is a symmetry, from how well the mirrored cloud fits the cloud's own density. The
-    order of the points changes nothing. Pose and scale change which points are used first and how the grid lies: on
-    noisy clouds some hundredths of a degree, and up to half a percent of the diagonal where only the ends of the cloud
-    tell an offset. A sphere or a surface of revolution, symmetric about infinitely many planes, gets some of them, at
-    least `separation_deg` apart.
+    Where the cloud is an even sample of a whole object, a plane is judged by how well the mirrored cloud fits the
+    cloud's own density. Where no plane is sure by that, a floor is set aside and planes are sought and judged by
+    surface: how much of it has a mirror image, wherever one could have been observed (see `Judgement`).
+
+    Confidence says how likely a plane is a symmetry. The order of the points and their position change nothing. Pose
+    and scale change which points are used first and how the grid lies: on noisy clouds some hundredths of a degree, and
+    up to half a percent of the diagonal where only the ends of the cloud tell an offset. A sphere or a surface of
+    revolution, symmetric about infinitely many planes, gets some of them, at least `separation_deg` apart.
 
     Args:
         points: (N, 3) tensor (worked on where it lies) or array, any unit. Coincident points count once; fewer than
@@ -49,75 +74,73 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     frame = frame_of(points, settings.points)
     if frame is None:
         return Planes.empty()
-    search = Search(frame.points, settings)
+    cloud = Neighbours(frame.points)
+    found: Found = (first := found_by_density(cloud, settings))
+    if not (first.confidences >= SURE).any():
+        above = _off_the_floor(points, frame, settings)
+        if above is not frame:
+            frame, cloud = above, Neighbours(above.points)
+            found = first = found_by_density(cloud, settings)
+        if not (first.confidences >= SURE).any():
+            found = found_by_surface(cloud, first, settings)
+    kept = distinct(found.normals, -found.confidences, settings.separation_deg)[: settings.max_planes]
+    return frame.planes(found.normals[kept], found.offsets[kept], found.confidences[kept]).ranked()
+
+
+def found_by_density(cloud: Neighbours, settings: M4Settings) -> FoundByDensity:
+    """What a cloud in its frame is symmetric about as an even sample of a whole object, the best first."""
+    search = DensitySearch(cloud.points, settings)
     normals, offsets, divergences = search.planes()
-    sureness = confidences(divergences, len(frame.points), settings.calibration)
+    sureness = confidences(divergences, len(cloud.points), settings.calibration)
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
     group = divergences < divergences.min() + GROUP
     rest = (sureness >= ALIGNED) & ~group
     for rows, together in ((group, settings.together), (rest, False)):
         if rows.any():
-            normals[rows], offsets[rows] = aligned(frame.points, normals[rows], offsets[rows], together, alignment)
-    kept = distinct(normals, -sureness, settings.separation_deg)
-    return frame.planes(normals[kept], offsets[kept], sureness[kept]).ranked()
+            tied = torch.full_like(offsets[rows], together, dtype=torch.bool)
+            normals[rows], _, offsets[rows] = aligned(cloud, normals[rows], offsets[rows], tied, alignment)
+    return FoundByDensity(normals, offsets, sureness, divergences, search.densities[-1])
 
 
-class Search:
-    """The cloud's densities at several bandwidths, and the candidate planes that climb through them, coarse to fine.
+def found_by_surface(cloud: Neighbours, first: FoundByDensity, settings: M4Settings) -> Found:
+    """What a cloud in its frame is symmetric about as far as its surface was observed, beside what density found."""
+    normals, offsets, table = surface_candidates(cloud, first, settings)
+    return Found(normals, offsets, torch.sigmoid(logits(table, settings.surface_calibration)))
 
-    Args:
-        points: (N, 3) float32 in their frame, any prefix being a random sample.
-    """
 
-    def __init__(self, points: Tensor, settings: M4Settings):
-        self.points, self.settings = points, settings
-        self.densities = densities(points)
+def surface_candidates(cloud: Neighbours, first: FoundByDensity, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
+    """Normals (K, 3), offsets (K,) and `surface_features` (K, 8) of what may be symmetries."""
+    thin = evened(cloud, cloud.points.device)
+    even = cloud.points[thin.rows]
+    neighbours = Neighbours(even)
+    judge = Judge(even, thin.spacing, neighbours)
+    search = SurfaceSearch(even, neighbours, judge, settings)
+    normals, offsets, merit = search.planes(first.normals, first.offsets)
+    fine = search.densities[-1]
+    noisy = fine if len(even) * thin.spacing**2 > NOISY else None
+    alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
+    rows = merit >= torch.minimum(merit.max(), WORTH * merit.max())  # merits may all be below 0
+    best = normals[rows], offsets[rows], merit[rows]
+    normals[rows], offsets[rows] = polished(cloud, judge, *best, search.tied(*best), alignment, noisy)
+    others, places, value = slid(judge, judge(normals, offsets), normals, offsets)
+    if len(others):
+        others, places = ascended(fine, even, others, places, FINE_STEPS, LONGEST_STEP)
+        alone = torch.zeros_like(value, dtype=torch.bool)
+        others, places = polished(cloud, judge, others, places, value, alone, alignment)
+    normals, offsets = torch.cat([normals, others, first.normals]), torch.cat([offsets, places, first.offsets])
+    whole = divergence(first.finest, cloud.points, normals, offsets)
+    thinned = divergence(fine, even[:FINE_POINTS], normals, offsets) - repulsion(fine, cloud.points, thin.rows)
+    by_density = logits(features(whole, len(cloud.points)), settings.calibration)
+    judgement = judge(normals, offsets)
+    return normals, offsets, surface_features(by_density, thinned, judgement, len(even), thin.spacing)
 
-    def planes(self) -> tuple[Tensor, Tensor, Tensor]:
-        """Normals (K, 3), offsets (K,) and divergences (K,) of what may be symmetries, the best first."""
-        wide, search, coarse, middle, fine = self.densities
-        few, some, more = (self.points[:count] for count in (COARSE_POINTS, MIDDLE_POINTS, FINE_POINTS))
-        normals, offsets = searched(search, self.settings.directions, self.settings.candidates)
-        for density in (wide, search, coarse):
-            normals, offsets = ascended(density, few, normals, offsets, COARSE_STEPS, COARSE_STEP)
-        normals, offsets, _ = self._kept(coarse, few, normals, offsets, HOPELESS[0])
-        normals, offsets = ascended(middle, some, normals, offsets, MIDDLE_STEPS, LONGEST_STEP)
-        normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
-        if self.settings.together:
-            normals, offsets, divergences = self._completed(normals, offsets, divergences)
-        for density, hopeless in zip((middle, fine), HOPELESS[3:], strict=True):
-            tied = (divergences < divergences.min() + TIED) & self.settings.together
-            normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
-            normals, offsets, divergences = self._kept(density, more, normals, offsets, hopeless)
-        divergences = divergence(fine, self.points, normals, offsets)
-        if self.settings.together:
-            relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE)
-            tied = divergences < divergences.min() + TIED
-            divergences = orbit_means(divergences, relations.mirrored_in(tied))
-        order = torch.argsort(divergences, stable=True)
-        return normals[order], offsets[order], divergences[order]
 
-    def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float):
-        """Planes that differ and may be symmetries, at least one, with their divergences, the best first."""
-        divergences = divergence(density, points, normals, offsets)
-        kept = distinct(normals, divergences, self.settings.separation_deg)
-        limit = hopeless + divergences.min().clamp_min(0)
-        kept = kept[divergences[kept] <= limit][: self.settings.max_planes]
-        return normals[kept], offsets[kept], divergences[kept]
-
-    def _completed(self, normals: Tensor, offsets: Tensor, divergences: Tensor):
-        """The planes and the images of the likely ones in each other that are not among them, with divergences."""
-        _, _, coarse, middle, _ = self.densities
-        some, more = self.points[:MIDDLE_POINTS], self.points[:FINE_POINTS]
-        for _ in range(2):
-            likely = divergences < divergences.min() + LIKELY
-            images, places = closure(
-                normals[likely], offsets[likely], self.settings.separation_deg, self.settings.max_planes
-            )
-            if not len(images):
-                break
-            for density in (coarse, middle):
-                images, places = ascended(density, some, images, places, COARSE_STEPS, LONGEST_STEP)
-            normals, offsets = torch.cat([normals, images]), torch.cat([offsets, places])
-            normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
-        return self._kept(middle, more, normals, offsets, HOPELESS[2])
+def _off_the_floor(points, frame: Frame, settings: M4Settings) -> Frame:
+    """The frame of what stands on a floor; the given one where there is no floor, or nothing stands on it."""
+    above = without_floor((checked(points) - frame.centre) / frame.scale, frame.points.double().cpu().numpy())
+    if above.all():
+        return frame
+    standing = (
+        points[torch.from_numpy(above).to(points.device)] if isinstance(points, Tensor) else np.asarray(points)[above]
+    )
+    return frame_of(standing, settings.points) or frame

@@ -8,6 +8,7 @@ from symshrec.methods.settings import HARMLESS, MethodSettings, check_ranges
 # Intercept, then weights of the features of `confidence`. `experiments/calibrate.py` fits these on clouds of the
 # training split; results/calibration.json is its record.
 CALIBRATION = (1.759, -82.546, -60.19, 236.37)
+SURFACE_CALIBRATION = (-10.272, 0.096, -3.531, 8.524, -2.038, -1.836, -5.031, -2.052, -3.441)  # of `surface_features`
 
 
 @dataclass(frozen=True)
@@ -19,11 +20,13 @@ class M4Settings(MethodSettings):
         neighbours: points in a local plane.
         directions: normals tried in the search.
         candidates: local maxima of the search that are followed.
+        votes: planes that pairs of points vote for that are followed beside them.
         separation_deg: least angle between two planes, in degrees.
         max_planes: most planes returned.
         together: whether planes whose images in each other are planes as well are estimated together.
         rounds: of point-to-plane alignment at most; 0 suffices for 1° and 1 %.
         calibration: intercept and weights of the logistic regression that gives confidences (see `confidence`).
+        surface_calibration: the same, where no plane is sure by density and surface decides.
 
     Raises:
         ValueError: naming the setting that is out of its range.
@@ -34,24 +37,29 @@ class M4Settings(MethodSettings):
     neighbours: int = 12
     directions: int = 1500
     candidates: int = 28
+    votes: int = 24
     separation_deg: float = 5.0
     max_planes: int = 40
     together: bool = True
     rounds: int = 10
     calibration: tuple[float, ...] = CALIBRATION
+    surface_calibration: tuple[float, ...] = SURFACE_CALIBRATION
 
     def __post_init__(self):
         super().__post_init__()
-        object.__setattr__(self, "calibration", tuple(self.calibration))
         ranges = {
             "points": (64, math.inf),
             "neighbours": (4, math.inf),
             "directions": (16, math.inf),
             "candidates": (1, math.inf),
+            "votes": (1, math.inf),
             "separation_deg": (0, 90),
             "max_planes": (1, math.inf),
             "rounds": (0, math.inf),
         }
         check_ranges(self, ranges)
-        if len(self.calibration) != len(CALIBRATION):
-            raise ValueError(f"calibration has {len(self.calibration)} numbers, expected {len(CALIBRATION)}")
+        for name, shipped in (("calibration", CALIBRATION), ("surface_calibration", SURFACE_CALIBRATION)):
+            numbers = tuple(getattr(self, name))
+            if len(numbers) != len(shipped):
+                raise ValueError(f"{name} has {len(numbers)} numbers, expected {len(shipped)}")
+            object.__setattr__(self, name, numbers)
