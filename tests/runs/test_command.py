@@ -150,11 +150,31 @@ def stored_map(folder: Path) -> float:
     return next(row["value"] for row in rows if (row["metric"], row["group"]) == ("mAP", "all"))
 
 
+SLOW = """
+import time
+from symshrec.methods import MethodSettings, SymmetryMethod
+from symshrec.planes import Planes
+
+class Slow(SymmetryMethod):
+    Settings = MethodSettings
+    version = 1
+
+    def detect(self, points):
+        time.sleep(3)  # so that Ctrl-C comes while it is at work
+        return Planes.empty()
+"""
+
+
 def test_ctrl_c_leaves_one_line(smoke_command, tmp_path):
-    command = smoke_command("evaluate", f"folder={tmp_path}", "data.batch_size=1", "method.neighbours=390")
-    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    (tmp_path / "slow.py").write_text(SLOW)
+    run = tmp_path / "run"
+    command = smoke_command("evaluate", "method=slow.Slow", f"folder={run}", "data.batch_size=1")
+    environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    process = subprocess.Popen(
+        command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
     deadline = time.monotonic() + 120
-    while not list(tmp_path.glob("predictions/part-*")) and time.monotonic() < deadline and process.poll() is None:
+    while not list(run.glob("predictions/part-*")) and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.02)
     os.killpg(process.pid, signal.SIGINT)
     told = process.communicate()[1]
