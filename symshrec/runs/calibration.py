@@ -1,21 +1,24 @@
 """M4's confidences: what a plane's features are worth on shapes of the training split, as logistic regressions."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 import torch
 from sklearn.linear_model import LogisticRegression
+from tqdm import tqdm
 
 from symshrec.benchmark.cloud import FAMILIES, PLANELESS, LabelledCloud
 from symshrec.benchmark.config import BenchmarkConfig
 from symshrec.benchmark.generate import generate_cloud
 from symshrec.methods.fit.frame import frame_of
-from symshrec.methods.fit.surface import Neighbours
-from symshrec.methods.m4.confidence import features
+from symshrec.methods.m4.confidence import SURFACE_NAMES, features
 from symshrec.methods.m4.density_search import DensitySearch
-from symshrec.methods.m4.pipeline import SURE, found_by_density, surface_candidates
+from symshrec.methods.m4.pipeline import observed, surface_candidates
 from symshrec.methods.m4.settings import M4Settings
 from symshrec.planes import Planes, axis_angles
+from symshrec.runs.provenance import code_version
 
 Labelled = tuple[np.ndarray, np.ndarray]  # features (K, F) of planes, and which are true (K,)
 # Degrees and percent of the diagonal: a plane is true below the first, and left out up to the second.
@@ -31,7 +34,8 @@ def labelled_candidates(benchmark: BenchmarkConfig, clouds: int, perturbations: 
     """
     settings = M4Settings()
     for cloud in _clouds(benchmark, clouds, perturbations, 0.0):
-        frame = _frame(cloud, settings)
+        frame = frame_of(cloud.points, settings.points)
+        assert frame is not None  # a surface of the benchmark spreads in three directions
         with torch.inference_mode():
             normals, offsets, divergences = DensitySearch(frame.points, settings).planes()
         errors = _errors(frame.planes(normals, offsets, divergences), cloud)
@@ -49,17 +53,38 @@ def labelled_surface_candidates(
     """
     settings = M4Settings()
     for cloud in _clouds(benchmark, clouds, perturbations, planeless):
-        frame = _frame(cloud, settings)
-        neighbours = Neighbours(frame.points)
         with torch.inference_mode():
-            first = found_by_density(neighbours, settings)
-            if (first.confidences >= SURE).any():
-                yield np.zeros((0, len(settings.surface_calibration) - 1)), np.zeros(0, dtype=bool)
+            seen = observed(cloud.points, settings)
+            assert seen is not None  # a surface of the benchmark spreads in three directions
+            if seen.sure:
+                yield np.zeros((0, len(SURFACE_NAMES))), np.zeros(0, dtype=bool)
                 continue
-            normals, offsets, table = surface_candidates(neighbours, first, settings)
-        errors = _errors(frame.planes(normals, offsets, torch.ones(len(normals))), cloud)
+            normals, offsets, table = surface_candidates(seen, settings)
+        errors = _errors(seen.frame.planes(normals, offsets, torch.ones(len(normals))), cloud)
         clear = (errors < SURFACE_TRUE) | (errors > SURFACE_NEITHER)
         yield table.numpy()[clear], (errors < SURFACE_TRUE)[clear]
+
+
+def calibrate(labelled: Iterable[Labelled], clouds: int, names: Sequence[str], seed: int, path: Path) -> None:
+    """Fit, and write the record to `path`: under its stem the numbers, and what they were fitted on.
+
+    Args:
+        labelled: planes of every one of the clouds. names: of the features.
+    """
+    tables, labels = zip(*tqdm(labelled, total=clouds, unit="cloud"), strict=True)
+    truth = np.concatenate(labels)
+    record = {
+        path.stem: fitted(np.concatenate(tables), truth),
+        "names": ["intercept", *names],
+        "clouds": clouds,
+        "clouds_that_count": sum(len(each) > 0 for each in labels),
+        "true_planes": int(truth.sum()),
+        "false_planes": int((~truth).sum()),
+        "seed": seed,
+        "code": code_version(),
+    }
+    path.write_text(json.dumps(record, indent=1) + "\n")
+    print(f"{record[path.stem]} ({path})")
 
 
 def fitted(table: np.ndarray, truth: np.ndarray) -> list[float]:
@@ -85,12 +110,6 @@ def _clouds(
 
 def _shares(total: int, parts: int) -> list[int]:
     return [total // parts + (part < total % parts) for part in range(parts)]
-
-
-def _frame(cloud: LabelledCloud, settings: M4Settings):
-    frame = frame_of(cloud.points, settings.points)
-    assert frame is not None  # a surface of the benchmark spreads in three directions
-    return frame
 
 
 def _errors(planes: Planes, cloud: LabelledCloud) -> np.ndarray:

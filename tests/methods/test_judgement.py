@@ -42,9 +42,9 @@ def on_a_floor(points, width=6.0, seed=0):
 def judge_of(points):
     frame = frame_of(points, 8192)
     everywhere = Neighbours(frame.points)
-    even = evened(everywhere, frame.points.device)
+    even = evened(everywhere)
     kept = frame.points[even.rows]
-    return frame, Judge(kept, even.spacing, Neighbours(kept))
+    return frame, Judge(kept, even.spacing)
 
 
 def judged(points, planes):
@@ -60,7 +60,7 @@ def found(planes, axis, angle_deg=1.0, offset=0.02):
 
 def test_evening_leaves_no_two_points_near_and_covers_all():
     points = torch.from_numpy(thinned(box(8000), 10)).float()
-    even = evened(Neighbours(points), points.device)
+    even = evened(Neighbours(points))
     kept = points[even.rows]
     distances = torch.cdist(kept, kept).fill_diagonal_(torch.inf)
     assert distances.min() >= even.spacing
@@ -99,7 +99,7 @@ def test_what_is_cut_away_is_unobserved_and_what_is_added_contradicts():
 def test_a_plane_that_moves_nothing_has_no_support():
     sheet = np.random.default_rng(2).uniform(-1, 1, (2000, 3)) * [1, 0.6, 0]
     judgement = judged(sheet, Planes(np.eye(3), np.zeros((3, 3))))
-    assert judgement.told[2] == 0
+    assert judgement.moved[2] == 0
     assert judgement.value[2] == 0
     assert judgement.value[:2].min() > 0.8
 

@@ -25,13 +25,13 @@ class Even:
     spacing: float
 
 
-def evened(neighbours: Neighbours, device) -> Even:
+def evened(neighbours: Neighbours) -> Even:
     """Thin a cloud whose points are in random order."""
     points = neighbours.points
     distances = neighbours.distances(points[:MEASURED], 2)[:, 1]
     spacing = ROUNDING * float(torch.quantile(distances, QUANTILE))
     first, second = neighbours.pairs(spacing)
-    return Even(torch.from_numpy(_first_come(first, second, len(points))).to(device), spacing)
+    return Even(torch.from_numpy(_first_come(first, second, len(points))).to(points.device), spacing)
 
 
 def _first_come(first: np.ndarray, second: np.ndarray, count: int) -> np.ndarray:

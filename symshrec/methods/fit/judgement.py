@@ -34,12 +34,13 @@ POINTS = 8192  # of a larger cloud, that planes of any method are judged by
 class Judgement:
     """For K planes (K,): shares of the images that count.
 
-    support: supported, of those supported or contradicting; seen: supported, of all; told: of all points, that count.
+    support: supported, of those supported or contradicting; seen: supported, of all; moved: the points that the plane
+    moves far enough to count, of all points.
     """
 
     support: Tensor
     seen: Tensor
-    told: Tensor
+    moved: Tensor
 
     @property
     def value(self) -> Tensor:
@@ -52,13 +53,12 @@ class Judge:
 
     Args:
         even: (n, 3), the evened cloud, any prefix being a random sample. spacing: of it.
-        neighbours: in the evened cloud.
     """
 
-    def __init__(self, even: Tensor, spacing: float, neighbours: Neighbours):
-        self.even, self.spacing, self.neighbours = even, spacing, neighbours
+    def __init__(self, even: Tensor, spacing: float):
+        self.even, self.spacing, self.neighbours = even, spacing, Neighbours(even)
         self.points = even[:JUDGES]
-        own = neighbours.distances(even, 2)[:, 1]
+        own = self.neighbours.distances(even, 2)[:, 1]
         self.reach = (LOOSE * own).clamp(spacing, COARSEST * spacing)  # (n,)
         first = own[:JUDGES]
         self.own = float((first <= self.reach[:JUDGES]).float().mean().clamp_min(0.2))
@@ -116,6 +116,5 @@ def supports(points: np.ndarray, planes: Planes) -> np.ndarray:
     frame = frame_of(points, POINTS)
     if frame is None or not len(planes):
         return np.zeros(len(planes))
-    thin = evened(Neighbours(frame.points), frame.points.device)
-    even = frame.points[thin.rows]
-    return Judge(even, thin.spacing, Neighbours(even))(*frame.of(planes)).support.double().numpy()
+    thin = evened(Neighbours(frame.points))
+    return Judge(frame.points[thin.rows], thin.spacing)(*frame.of(planes)).support.double().numpy()

@@ -53,6 +53,6 @@ def slid(judge: Judge, judgement: Judgement, normals: Tensor, offsets: Tensor) -
     rows = torch.nonzero((judgement.seen < INCOMPLETE) & (value > WORTH * value.max()))[:MOST_SLID, 0]
     tried = offsets[rows, None] + torch.arange(-SLIDES, SLIDES + 1, device=offsets.device) * SLIDE
     values = judge(normals[rows].repeat_interleave(tried.shape[1], 0), tried.flatten()).value.reshape(tried.shape)
-    best, at = values.max(1) if len(rows) else (values[:, 0], torch.zeros_like(rows))
+    best, at = values.max(1)
     better = best > value[rows] + GAIN
     return normals[rows][better], tried.gather(1, at[:, None])[:, 0][better], best[better]

@@ -64,7 +64,7 @@ def surface_features(
             thickness,
             divergences.clamp(LEAST, MOST) * thickness,
             (value.max() - value).clamp_max(MOST_BEHIND),
-            judgement.told.double(),
+            judgement.moved.double(),
         ],
         dim=1,
     )

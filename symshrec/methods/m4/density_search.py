@@ -3,17 +3,24 @@
 import torch
 from torch import Tensor
 
-from symshrec.methods.fit.coupling import closure, distinct, find_relations, orbit_means
+from symshrec.methods.fit.coupling import distinct, find_relations, orbit_means
 from symshrec.methods.fit.density import Density, densities
 from symshrec.methods.fit.likelihood import RELATION_DEG, RELATION_DISTANCE, ascended, divergence
+from symshrec.methods.m4.climb import (
+    COARSE_POINTS,
+    FINE_POINTS,
+    FINE_STEPS,
+    LONGEST_STEP,
+    MIDDLE_POINTS,
+    MIDDLE_STEPS,
+    Scored,
+    climbed,
+    completed,
+)  # fmt: skip
 from symshrec.methods.m4.search import searched
 from symshrec.methods.m4.settings import M4Settings
 
-# Lengths are shares of the cloud's size (see `frame_of`), divergences in nats a point.
-COARSE_POINTS, COARSE_STEPS, COARSE_STEP = 200, 2, 0.12
-MIDDLE_POINTS, MIDDLE_STEPS = 800, 4
-FINE_POINTS, FINE_STEPS = 1500, 3
-LONGEST_STEP = 0.05
+# Divergences, in nats a point.
 HOPELESS = (0.6, 0.5, 0.3, 0.2, 0.12)  # divergences beyond which a candidate goes, stage by stage
 LIKELY, TIED = 0.08, 0.025  # divergences above the best plane's up to which planes are completed, and tied together
 
@@ -29,18 +36,17 @@ class DensitySearch:
         self.points, self.settings = points, settings
         self.densities = densities(points)
 
-    def planes(self) -> tuple[Tensor, Tensor, Tensor]:
+    def planes(self) -> Scored:
         """Normals (K, 3), offsets (K,) and divergences (K,) of what may be symmetries, the best first."""
-        wide, search, coarse, middle, fine = self.densities
+        _, search, coarse, middle, fine = self.densities
         few, some, more = (self.points[:count] for count in (COARSE_POINTS, MIDDLE_POINTS, FINE_POINTS))
         normals, offsets = searched(search, self.settings.directions, self.settings.candidates)
-        for density in (wide, search, coarse):
-            normals, offsets = ascended(density, few, normals, offsets, COARSE_STEPS, COARSE_STEP)
+        normals, offsets = climbed(self.densities, self.points, normals, offsets)
         normals, offsets, _ = self._kept(coarse, few, normals, offsets, HOPELESS[0])
         normals, offsets = ascended(middle, some, normals, offsets, MIDDLE_STEPS, LONGEST_STEP)
         normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
         if self.settings.together:
-            normals, offsets, divergences = self._completed(normals, offsets, divergences)
+            normals, offsets, divergences = self._completed((normals, offsets, divergences))
         for density, hopeless in zip((middle, fine), HOPELESS[3:], strict=True):
             tied = (divergences < divergences.min() + TIED) & self.settings.together
             normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
@@ -53,7 +59,7 @@ class DensitySearch:
         order = torch.argsort(divergences, stable=True)
         return normals[order], offsets[order], divergences[order]
 
-    def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float):
+    def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float) -> Scored:
         """Planes that differ and may be symmetries, at least one, with their divergences, the best first."""
         divergences = divergence(density, points, normals, offsets)
         kept = distinct(normals, divergences, self.settings.separation_deg)
@@ -61,19 +67,15 @@ class DensitySearch:
         kept = kept[divergences[kept] <= limit][: self.settings.max_planes]
         return normals[kept], offsets[kept], divergences[kept]
 
-    def _completed(self, normals: Tensor, offsets: Tensor, divergences: Tensor):
+    def _completed(self, found: Scored) -> Scored:
         """The planes and the images of the likely ones in each other that are not among them, with divergences."""
-        _, _, coarse, middle, _ = self.densities
-        some, more = self.points[:MIDDLE_POINTS], self.points[:FINE_POINTS]
-        for _ in range(2):
-            likely = divergences < divergences.min() + LIKELY
-            images, places = closure(
-                normals[likely], offsets[likely], self.settings.separation_deg, self.settings.max_planes
-            )
-            if not len(images):
-                break
-            for density in (coarse, middle):
-                images, places = ascended(density, some, images, places, COARSE_STEPS, LONGEST_STEP)
-            normals, offsets = torch.cat([normals, images]), torch.cat([offsets, places])
-            normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
+        middle, more = self.densities[-2], self.points[:FINE_POINTS]
+
+        def likely(divergences: Tensor) -> Tensor:
+            return divergences < divergences.min() + LIKELY
+
+        def kept(normals: Tensor, offsets: Tensor) -> Scored:
+            return self._kept(middle, more, normals, offsets, HOPELESS[1])
+
+        normals, offsets, _ = completed(found, likely, kept, self.densities, self.points, self.settings)
         return self._kept(middle, more, normals, offsets, HOPELESS[2])

@@ -16,10 +16,11 @@ from symshrec.methods.fit.judgement import Judge
 from symshrec.methods.fit.likelihood import ascended, divergence
 from symshrec.methods.fit.polishing import polished, slid
 from symshrec.methods.fit.surface import Neighbours
+from symshrec.methods.m4.climb import FINE_POINTS, FINE_STEPS, LONGEST_STEP
 from symshrec.methods.m4.confidence import confidences, features, logits, surface_features
 from symshrec.methods.m4.density_search import DensitySearch
 from symshrec.methods.m4.settings import M4Settings
-from symshrec.methods.m4.surface_search import FINE_POINTS, FINE_STEPS, LONGEST_STEP, SurfaceSearch, repulsion
+from symshrec.methods.m4.surface_search import SurfaceSearch, repulsion
 from symshrec.planes import Planes
 
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
@@ -39,11 +40,18 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class FoundByDensity(Found):
-    """Beside them their divergences (K,), in the `finest` density of the cloud."""
+class Observed:
+    """A cloud in its frame, what density finds in it, and the `finest` density."""
 
-    divergences: Tensor
+    frame: Frame
+    cloud: Neighbours
+    found: Found
     finest: Density
+
+    @property
+    def sure(self) -> bool:
+        """Whether surface need not be asked."""
+        return bool((self.found.confidences >= SURE).any())
 
 
 @torch.inference_mode()
@@ -71,27 +79,35 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
         ValueError: for a wrong shape or values that are not finite.
     """
     settings = settings or M4Settings()
+    seen = observed(points, settings)
+    if seen is None:
+        return Planes.empty()
+    found = seen.found if seen.sure else found_by_surface(seen, settings)
+    kept = distinct(found.normals, -found.confidences, settings.separation_deg)[: settings.max_planes]
+    return seen.frame.planes(found.normals[kept], found.offsets[kept], found.confidences[kept]).ranked()
+
+
+def observed(points, settings: M4Settings) -> Observed | None:
+    """What density finds in the points (N, 3); without the floor, where there is one and nothing sure with it.
+
+    Returns:
+        None for points that have no planes.
+    """
     frame = frame_of(points, settings.points)
     if frame is None:
-        return Planes.empty()
-    cloud = Neighbours(frame.points)
-    found: Found = (first := found_by_density(cloud, settings))
-    if not (first.confidences >= SURE).any():
-        above = _off_the_floor(points, frame, settings)
-        if above is not frame:
-            frame, cloud = above, Neighbours(above.points)
-            found = first = found_by_density(cloud, settings)
-        if not (first.confidences >= SURE).any():
-            found = found_by_surface(cloud, first, settings)
-    kept = distinct(found.normals, -found.confidences, settings.separation_deg)[: settings.max_planes]
-    return frame.planes(found.normals[kept], found.offsets[kept], found.confidences[kept]).ranked()
+        return None
+    seen = found_by_density(frame, settings)
+    if seen.sure:
+        return seen
+    above = _off_the_floor(points, frame, settings)
+    return seen if above is frame else found_by_density(above, settings)
 
 
-def found_by_density(cloud: Neighbours, settings: M4Settings) -> FoundByDensity:
-    """What a cloud in its frame is symmetric about as an even sample of a whole object, the best first."""
-    search = DensitySearch(cloud.points, settings)
+def found_by_density(frame: Frame, settings: M4Settings) -> Observed:
+    """What a cloud is symmetric about as an even sample of a whole object, the best first."""
+    cloud, search = Neighbours(frame.points), DensitySearch(frame.points, settings)
     normals, offsets, divergences = search.planes()
-    sureness = confidences(divergences, len(cloud.points), settings.calibration)
+    sureness = confidences(divergences, len(frame.points), settings.calibration)
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
     group = divergences < divergences.min() + GROUP
     rest = (sureness >= ALIGNED) & ~group
@@ -99,22 +115,22 @@ def found_by_density(cloud: Neighbours, settings: M4Settings) -> FoundByDensity:
         if rows.any():
             tied = torch.full_like(offsets[rows], together, dtype=torch.bool)
             normals[rows], _, offsets[rows] = aligned(cloud, normals[rows], offsets[rows], tied, alignment)
-    return FoundByDensity(normals, offsets, sureness, divergences, search.densities[-1])
+    return Observed(frame, cloud, Found(normals, offsets, sureness), search.densities[-1])
 
 
-def found_by_surface(cloud: Neighbours, first: FoundByDensity, settings: M4Settings) -> Found:
-    """What a cloud in its frame is symmetric about as far as its surface was observed, beside what density found."""
-    normals, offsets, table = surface_candidates(cloud, first, settings)
+def found_by_surface(seen: Observed, settings: M4Settings) -> Found:
+    """What a cloud is symmetric about as far as its surface was observed, beside what density found."""
+    normals, offsets, table = surface_candidates(seen, settings)
     return Found(normals, offsets, torch.sigmoid(logits(table, settings.surface_calibration)))
 
 
-def surface_candidates(cloud: Neighbours, first: FoundByDensity, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
+def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
     """Normals (K, 3), offsets (K,) and `surface_features` (K, 8) of what may be symmetries."""
-    thin = evened(cloud, cloud.points.device)
-    even = cloud.points[thin.rows]
-    neighbours = Neighbours(even)
-    judge = Judge(even, thin.spacing, neighbours)
-    search = SurfaceSearch(even, neighbours, judge, settings)
+    cloud, first = seen.cloud, seen.found
+    thin = evened(cloud)
+    judge = Judge(cloud.points[thin.rows], thin.spacing)
+    even = judge.even
+    search = SurfaceSearch(judge, settings)
     normals, offsets, merit = search.planes(first.normals, first.offsets)
     fine = search.densities[-1]
     noisy = fine if len(even) * thin.spacing**2 > NOISY else None
@@ -128,7 +144,7 @@ def surface_candidates(cloud: Neighbours, first: FoundByDensity, settings: M4Set
         alone = torch.zeros_like(value, dtype=torch.bool)
         others, places = polished(cloud, judge, others, places, value, alone, alignment)
     normals, offsets = torch.cat([normals, others, first.normals]), torch.cat([offsets, places, first.offsets])
-    whole = divergence(first.finest, cloud.points, normals, offsets)
+    whole = divergence(seen.finest, cloud.points, normals, offsets)
     thinned = divergence(fine, even[:FINE_POINTS], normals, offsets) - repulsion(fine, cloud.points, thin.rows)
     by_density = logits(features(whole, len(cloud.points)), settings.calibration)
     judgement = judge(normals, offsets)
@@ -140,7 +156,6 @@ def _off_the_floor(points, frame: Frame, settings: M4Settings) -> Frame:
     above = without_floor((checked(points) - frame.centre) / frame.scale, frame.points.double().cpu().numpy())
     if above.all():
         return frame
-    standing = (
-        points[torch.from_numpy(above).to(points.device)] if isinstance(points, Tensor) else np.asarray(points)[above]
-    )
-    return frame_of(standing, settings.points) or frame
+    if isinstance(points, Tensor):
+        return frame_of(points[torch.from_numpy(above).to(points.device)], settings.points) or frame
+    return frame_of(np.asarray(points)[above], settings.points) or frame

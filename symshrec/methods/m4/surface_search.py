@@ -3,20 +3,24 @@
 import torch
 from torch import Tensor
 
-from symshrec.methods.fit.coupling import closure
 from symshrec.methods.fit.density import Density, densities
 from symshrec.methods.fit.judgement import Judge
 from symshrec.methods.fit.likelihood import FLOOR, ascended, divergence
-from symshrec.methods.fit.surface import Neighbours
+from symshrec.methods.m4.climb import (
+    FINE_POINTS,
+    FINE_STEPS,
+    LONGEST_STEP,
+    MIDDLE_POINTS,
+    MIDDLE_STEPS,
+    Scored,
+    climbed,
+    completed,
+)  # fmt: skip
 from symshrec.methods.m4.search import searched
 from symshrec.methods.m4.settings import M4Settings
 from symshrec.methods.m4.votes import best_apart, overlap, voted
 
-# Lengths are shares of the cloud's size (see `frame_of`), values those of `Judgement`.
-COARSE_POINTS, COARSE_STEPS, COARSE_STEP = 200, 2, 0.12
-MIDDLE_POINTS, MIDDLE_STEPS = 800, 4
-FINE_POINTS, FINE_STEPS = 1500, 3
-LONGEST_STEP = 0.05
+# Values are those of `Judgement`, divergences in nats a point.
 KEPT = 24  # planes after the coarse ascent
 HOPELESS = 0.4  # of the best plane's value; planes below it go
 SAME_OFFSET = 0.02  # planes with offsets nearer than this, and normals than separation_deg, are one
@@ -29,31 +33,29 @@ class SurfaceSearch:
     """The evened cloud's densities at several bandwidths, and candidate planes that climb through them, coarse to fine.
 
     Args:
-        points: (n, 3) float32, the evened cloud in its frame, any prefix being a random sample.
-        neighbours: among them. judge: of planes.
+        judge: of planes, by the evened cloud.
     """
 
-    def __init__(self, points: Tensor, neighbours: Neighbours, judge: Judge, settings: M4Settings):
-        self.points, self.neighbours, self.judge, self.settings = points, neighbours, judge, settings
-        self.densities = densities(points)
+    def __init__(self, judge: Judge, settings: M4Settings):
+        self.points, self.judge, self.settings = judge.even, judge, settings
+        self.densities = densities(self.points)
 
-    def planes(self, more_normals: Tensor, more_offsets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Normals (K, 3), offsets (K,) and values (K,) of what may be symmetries, the best first.
+    def planes(self, more_normals: Tensor, more_offsets: Tensor) -> Scored:
+        """Normals (K, 3), offsets (K,) and merits (K,) of what may be symmetries, the best first.
 
         Args:
             more_normals, more_offsets: (J, 3), (J,), candidates known already.
         """
-        wide, search, coarse, middle, fine = self.densities
-        few, some, more = (self.points[:count] for count in (COARSE_POINTS, MIDDLE_POINTS, FINE_POINTS))
+        _, search, coarse, middle, fine = self.densities
+        some, more = (self.points[:count] for count in (MIDDLE_POINTS, FINE_POINTS))
         normals, offsets = self._candidates(search)
-        for density in (wide, search, coarse):
-            normals, offsets = ascended(density, few, normals, offsets, COARSE_STEPS, COARSE_STEP)
+        normals, offsets = climbed(self.densities, self.points, normals, offsets)
         normals, offsets = torch.cat([normals, more_normals]), torch.cat([offsets, more_offsets])
         normals, offsets, _ = best_apart(normals, offsets, overlap(coarse, some, normals, offsets), KEPT)
         normals, offsets = ascended(middle, some, normals, offsets, MIDDLE_STEPS, LONGEST_STEP)
         normals, offsets, merit = self._judged(normals, offsets)
         if self.settings.together:
-            normals, offsets, merit = self._completed(normals, offsets, merit)
+            normals, offsets, merit = self._completed((normals, offsets, merit))
         for density, points in ((middle, more), (fine, self.points)):
             tied = self.tied(normals, offsets, merit)
             normals, offsets = ascended(density, points, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
@@ -83,10 +85,10 @@ class SurfaceSearch:
         """Planes through the centroid in which the cloud looks mirrored, and planes that pairs of points vote for."""
         settings = self.settings
         normals, offsets = searched(density, settings.directions, settings.candidates)
-        others, places, _ = voted(self.points, density, self.neighbours, settings.votes)
+        others, places, _ = voted(self.points, density, self.judge.neighbours, settings.votes)
         return torch.cat([normals, others]), torch.cat([offsets, places])
 
-    def _judged(self, normals: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _judged(self, normals: Tensor, offsets: Tensor) -> Scored:
         """Planes that differ and may be symmetries, at least one, with their merits, the best first."""
         merit = self.merit(normals, offsets)
         apart = self.settings.separation_deg, SAME_OFFSET
@@ -94,21 +96,13 @@ class SurfaceSearch:
         kept = merit >= HOPELESS * merit.max()
         return normals[kept], offsets[kept], merit[kept]
 
-    def _completed(self, normals: Tensor, offsets: Tensor, merit: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def _completed(self, found: Scored) -> Scored:
         """The planes and the images of the likely ones in each other that are not among them, with merits."""
-        _, _, coarse, middle, _ = self.densities
-        some = self.points[:MIDDLE_POINTS]
-        for _ in range(2):
-            likely = merit > merit.max() - LIKELY
-            images, places = closure(
-                normals[likely], offsets[likely], self.settings.separation_deg, self.settings.max_planes
-            )
-            if not len(images):
-                break
-            for density in (coarse, middle):
-                images, places = ascended(density, some, images, places, COARSE_STEPS, LONGEST_STEP)
-            normals, offsets, merit = self._judged(torch.cat([normals, images]), torch.cat([offsets, places]))
-        return normals, offsets, merit
+
+        def likely(merit: Tensor) -> Tensor:
+            return merit > merit.max() - LIKELY
+
+        return completed(found, likely, self._judged, self.densities, self.points, self.settings)
 
 
 def repulsion(density: Density, cloud: Tensor, rows: Tensor) -> Tensor:

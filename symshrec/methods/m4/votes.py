@@ -23,10 +23,7 @@ MOST, JUDGES = 3000, 96  # votes that are scored, and points that score them
 LEAST_MOVE = 1.5  # bandwidths that a point is moved by for its image to count
 SAME_DEG, SAME = 8.0, 0.04  # planes nearer to each other than this, in degrees and in shares of the size, are one
 AROUND_DEG, AROUND_OFFSET = 16.0, 0.08  # a vote with a better one so near is no candidate
-SHIFTS, SHIFT = (
-    10,
-    0.015,
-)  # offsets to either side of the centroid at which the principal axes are tried, and their step
+SHIFTS, SHIFT = 10, 0.015  # to either side of the centroid, at which the principal axes are tried, and their step
 
 
 def voted(even: Tensor, density: Density, neighbours: Neighbours, most: int) -> tuple[Tensor, Tensor, Tensor]:
