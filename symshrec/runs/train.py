@@ -5,14 +5,13 @@ import json
 import logging
 import math
 import warnings
-from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import torch
 from lightning import Callback, Trainer, seed_everything
 from lightning.pytorch.callbacks import LearningRateMonitor, TQDMProgressBar
-from omegaconf import DictConfig, OmegaConf
+from omegaconf import DictConfig
 
 from symshrec.data.datamodule import SymmetryDataModule
 from symshrec.data.settings import SamplingKind
@@ -32,6 +31,7 @@ from symshrec.runs.checkpoints import (
     steps_done,
 )
 from symshrec.runs.config import method_of, settings_of
+from symshrec.runs.training_identity import SETTINGS, training_identity, read_json, refuse_other_settings
 from symshrec.runs.evaluate import datamodule_of
 from symshrec.runs.folders import claimed, is_first_process, is_of_this_root, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
@@ -39,33 +39,7 @@ from symshrec.runs.session import Progress, TimedCheckpoints, TimeIsUp
 from symshrec.runs.trainer import TRAINING_SHORTENED, checked_start, devices_of, shortened, trainer_of
 
 log = logging.getLogger(__name__)
-WEIGHTS, RECORD, SETTINGS = "weights.safetensors", "training.json", "settings.json"
-NO_INFLUENCE = (  # beginnings of keys
-    "data.batch_size",
-    "data.hard",
-    "data.root",
-    "data.test_split",
-    "data.validation_clouds",
-    "data.verify",
-    "data.workers",
-    "method.cleaning",
-    "method.confidence",
-    "method.count_threshold",
-    "method.decode",
-    "method.refine",
-    "method.twice",
-    "method.workers",
-    "train.checkpoint_minutes",
-    "train.clouds_shown",
-    "train.folder",
-    "train.max_minutes",
-    "train.precision",
-    "train.validate_every",
-    "trainer.enable_progress_bar",
-    "trainer.log_every_n_steps",
-    "trainer.max_time",
-    "trainer.precision",
-)
+WEIGHTS, RECORD = "weights.safetensors", "training.json"
 
 
 def train(config: DictConfig) -> dict | None:
@@ -100,9 +74,9 @@ def train(config: DictConfig) -> dict | None:
 
 def _trained(config: DictConfig, folder: Path) -> dict | None:
     """`train` in a folder that no other process writes in."""
-    settings = decisive_settings(config)
-    _refuse_others(folder, settings)
-    finished = _read(folder / RECORD)
+    settings = training_identity(config)
+    refuse_other_settings(folder, settings)
+    finished = read_json(folder / RECORD)
     if finished:
         if not is_of_this_root(folder, config):
             refuse_other_data(folder, config, datamodule_of(config).split("train").fingerprint)
@@ -193,36 +167,6 @@ def branch_off(config: DictConfig) -> Path:
     if not begun(trunk):
         raise ValueError(f"{trunk / LAST} does not exist; train first, without train.cooldown")
     return trunk / f"cooldown_{math.ceil(steps_done(trunk) / config.train.steps_per_round):05d}"
-
-
-def decisive_settings(config: DictConfig) -> dict[str, object]:
-    """All that decides the weights, by dotted key; plain values."""
-    nodes = {name: config[name] for name in ("data", "method", "train", "trainer")}
-    plain = {name: OmegaConf.to_container(node, resolve=True, enum_to_str=True) for name, node in nodes.items()}
-    flat = dict(_flattened(plain | {"seed": config.seed}))
-    if config.ckpt_path is not None and Path(config.ckpt_path).is_file():
-        flat["ckpt_path"] = hashlib.sha256(Path(config.ckpt_path).read_bytes()).hexdigest()
-    return {key: value for key, value in flat.items() if not key.startswith(NO_INFLUENCE)}
-
-
-def _flattened(node: object, prefix: str = "") -> Iterator[tuple[str, object]]:
-    if not isinstance(node, dict):
-        yield prefix.removesuffix("."), node
-        return
-    for key, value in node.items():
-        yield from _flattened(value, f"{prefix}{key}.")
-
-
-def _refuse_others(folder: Path, settings: dict[str, object]) -> None:
-    """Raises ValueError where the folder holds a training by other settings."""
-    there = _read(folder / SETTINGS)
-    if there is None or there == settings:
-        return
-    differing = sorted(key for key in there.keys() | settings.keys() if there.get(key) != settings.get(key))
-    raise ValueError(
-        f"{folder} holds a training with other settings ({', '.join(differing)}); name another train.folder, or remove "
-        "that one"
-    )
 
 
 def _learner_of(config: DictConfig) -> LearnedMethod:
@@ -318,10 +262,3 @@ def _validation(trainer: Trainer) -> dict[str, float]:
     """The figures of the last validation."""
     metrics = sorted(trainer.callback_metrics.items())
     return {name: round(float(value), 5) for name, value in metrics if name.startswith("val/")}
-
-
-def _read(path: Path) -> dict | None:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError):
-        return None

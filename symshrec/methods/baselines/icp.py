@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from symshrec.methods.fit.frame import FEWEST_POINTS, checked
 from symshrec.planes import Planes, axis_angles
 
-FEWEST_POINTS = 4
 CONVERGED = 1e-5  # change of normal and offset, the latter as a share of the cloud's spread
 
 
@@ -33,12 +33,7 @@ class Target:
         Raises:
             ValueError: for a wrong shape or values that are not finite.
         """
-        points = np.asarray(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise ValueError(f"points have shape {points.shape}, expected (N, 3)")
-        if not np.isfinite(points).all():
-            raise ValueError(f"point {int(np.argmin(np.isfinite(points).all(axis=1)))} is not finite")
-        points = np.unique(points, axis=0)
+        points = np.unique(checked(points), axis=0)
         if len(points) < FEWEST_POINTS:
             return None
         distances = np.linalg.norm(points - points.mean(axis=0), axis=1)

@@ -7,8 +7,8 @@ from symshrec.methods.settings import HARMLESS, MethodSettings, check_ranges
 
 
 @dataclass(frozen=True)
-class PcaIcpSettings(MethodSettings):
-    """What there is to choose.
+class IcpSettings(MethodSettings):
+    """What there is to choose of both.
 
     Args:
         points: most used of a cloud. probes: of these, mirrored in every round of ICP.
@@ -21,7 +21,6 @@ class PcaIcpSettings(MethodSettings):
         ValueError: naming the setting that is out of its range.
     """
 
-    name: str = field(default="pca_icp", metadata=HARMLESS)
     count_threshold: float = field(default=0.75, metadata=HARMLESS)
     points: int = 8192
     probes: int = 1000
@@ -44,11 +43,17 @@ class PcaIcpSettings(MethodSettings):
 
 
 @dataclass(frozen=True)
-class RansacSettings(MethodSettings):
-    """What there is to choose.
+class PcaIcpSettings(IcpSettings):
+    """What there is to choose: nothing beside `IcpSettings`."""
+
+    name: str = field(default="pca_icp", metadata=HARMLESS)
+
+
+@dataclass(frozen=True)
+class RansacSettings(IcpSettings):
+    """What there is to choose beside `IcpSettings`.
 
     Args:
-        points, probes, rounds, kept, within, separation_deg: see `PcaIcpSettings`.
         pairs: whose bisectors are tried, each on `first_probes` mirrored points.
         starts: of these, the best scored again on all probes and, where they differ, polished.
         coarse: how far from the cloud a mirrored point may land in scoring, as a share of the cloud's spread.
@@ -60,13 +65,8 @@ class RansacSettings(MethodSettings):
     """
 
     name: str = field(default="ransac", metadata=HARMLESS)
-    count_threshold: float = field(default=0.75, metadata=HARMLESS)
-    points: int = 8192
     probes: int = 500
     rounds: int = 30
-    kept: float = 0.9
-    within: float = 2.0
-    separation_deg: float = 5.0
     pairs: int = 2000
     first_probes: int = 32
     starts: int = 100
@@ -76,13 +76,5 @@ class RansacSettings(MethodSettings):
 
     def __post_init__(self):
         super().__post_init__()
-        whole = ("points", "probes", "pairs", "first_probes", "starts", "max_planes")
-        ranges = {name: (1, math.inf) for name in whole} | {
-            "rounds": (0, math.inf),
-            "kept": (0.1, 1),
-            "within": (0, math.inf),
-            "separation_deg": (0, 90),
-            "coarse": (0, math.inf),
-            "seed": (0, math.inf),
-        }
-        check_ranges(self, ranges)
+        ranges = {name: (1, math.inf) for name in ("pairs", "first_probes", "starts", "max_planes")}
+        check_ranges(self, ranges | {"coarse": (0, math.inf), "seed": (0, math.inf)})
