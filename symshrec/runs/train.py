@@ -31,12 +31,12 @@ from symshrec.runs.checkpoints import (
     steps_done,
 )
 from symshrec.runs.config import method_of, settings_of
-from symshrec.runs.training_identity import SETTINGS, training_identity, read_json, refuse_other_settings
 from symshrec.runs.evaluate import datamodule_of
 from symshrec.runs.folders import claimed, is_first_process, is_of_this_root, refuse_other_data
 from symshrec.runs.provenance import code_version, hardware, peak_memory_mib
 from symshrec.runs.session import Progress, TimedCheckpoints, TimeIsUp
 from symshrec.runs.trainer import TRAINING_SHORTENED, checked_start, devices_of, shortened, trainer_of
+from symshrec.runs.training_identity import SETTINGS, read_json, refuse_other_settings, training_identity
 
 log = logging.getLogger(__name__)
 WEIGHTS, RECORD = "weights.safetensors", "training.json"

@@ -8,7 +8,7 @@ from symshrec.methods.settings import HARMLESS, MethodSettings, check_ranges
 # Intercept, then weights of the features of `confidence`. `experiments/calibrate.py` fits these on clouds of the
 # training split; results/calibration.json is its record.
 CALIBRATION = (1.759, -82.546, -60.19, 236.37)
-SURFACE_CALIBRATION = (-10.272, 0.096, -3.531, 8.524, -2.038, -1.836, -5.031, -2.052, -3.441)  # of `surface_features`
+SURFACE_CALIBRATION = (-29.444, 0.195, -4.238, 5.5, -6.012, -1.215, -2.309, 2.358, -0.534)  # of `surface_features`
 
 
 @dataclass(frozen=True)
