@@ -1,10 +1,12 @@
 """A cloud as it came out of somebody's file, and the error for a file that gives none."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+AXES = ("x", "y", "z")
 WIDEST = 64  # columns a table of three points may have; a wider one lies on its side
 
 
@@ -24,6 +26,15 @@ class FileCloud:
     triangles: int = 0
 
 
+def axis_places(names: Sequence[str]) -> tuple[int, int, int] | None:
+    """Places of the columns called x, y and z, however they are written; None where one of them is not there."""
+    plain = [name.strip("\"' ").lower() for name in names]
+    if not set(AXES) <= set(plain):
+        return None
+    x, y, z = map(plain.index, AXES)
+    return x, y, z
+
+
 def three_columns(rows: np.ndarray, path: Path) -> FileCloud:
     """The cloud in the first three columns of an array.
 
@@ -41,8 +52,12 @@ def three_columns(rows: np.ndarray, path: Path) -> FileCloud:
         raise CloudFileError(f"{path}: the array has shape {rows.shape}; one row is one point: transpose it")
     points = np.ascontiguousarray(rows[:, :3], dtype=np.float64)
     refuse_not_finite(points, path)
-    more = rows.shape[1] - 3
-    return FileCloud(points, (f"{more} more column{'s' * (more > 1)} left out",) if more else ())
+    return FileCloud(points, left_out(rows.shape[1] - 3))
+
+
+def left_out(columns: int) -> tuple[str, ...]:
+    """The note for columns beside the coordinates; none without them."""
+    return (f"{columns} more column{'s' * (columns > 1)} left out",) if columns else ()
 
 
 def refuse_not_finite(points: np.ndarray, path: Path) -> None:
