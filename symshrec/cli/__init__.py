@@ -6,6 +6,10 @@ import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from textwrap import fill
+
+from symshrec import __version__
+from symshrec.cli.colours import RED, painted
 
 OWN = {
     "detect": "find the mirror planes of clouds and meshes",
@@ -23,11 +27,15 @@ BENCHMARK = {
 }  # with settings as KEY=VALUE
 COMMANDS = OWN | BENCHMARK  # one module each, imported when it is asked for: nobody waits for another's imports
 USER_ERROR, INTERRUPTED, UNREAD = 2, 130, 141
+EXIT_STATUSES = (
+    f"Exit status: 0 where all went well; {USER_ERROR} for wrong arguments or input, named in a line; "
+    f"{INTERRUPTED} where it was interrupted; {UNREAD} where nobody read the output to its end."
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0, 2 for a user's error told in a line, 130 where interrupted, and
-    141 where whoever read the output, such as `head`, wanted no more of it."""
+    """Run one command; returns the exit status, one of EXIT_STATUSES. 141 is for readers of the output such as `head`,
+    who want no more of it."""
     name = "symshrec"
     try:
         words = sys.argv[1:] if argv is None else list(argv)
@@ -42,7 +50,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # where Python writes what is left at its end
         return UNREAD
     except (ValueError, OSError) as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{painted(f'{name}:', RED, sys.stderr)} {error}", file=sys.stderr)
         return USER_ERROR
     except KeyboardInterrupt:
         print(f"{name}: interrupted", file=sys.stderr)
@@ -70,9 +78,10 @@ def _parser() -> argparse.ArgumentParser:
         prog="symshrec",
         description="Reflection symmetries of 3D point clouds: found, looked at, scored and learnt.",
         epilog=f"for your own clouds and results:\n{_listed(OWN)}\n\n"
-        f"for the benchmark, with settings of conf/ as KEY=VALUE:\n{_listed(BENCHMARK)}",
+        f"for the benchmark, with settings of conf/ as KEY=VALUE:\n{_listed(BENCHMARK)}\n\n{fill(EXIT_STATUSES, 79)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("-V", "--version", action="version", version=f"symshrec {__version__}")
     parser.add_argument("command", choices=COMMANDS, metavar="COMMAND", help="one of the commands below")
     parser.add_argument("rest", nargs=argparse.REMAINDER, metavar="...", help="its arguments; try --help there")
     return parser

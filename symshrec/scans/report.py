@@ -1,6 +1,7 @@
 """What was found in one file, as a table for people and as JSON for programs."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 
 from symshrec import __version__
 from symshrec.planes import Planes
-from symshrec.scans import FileCloud
+from symshrec.scans import STDIN, STDIN_NAME, FileCloud
 
 FORMAT = "symshrec detections 1"  # a new number where a field changes its meaning or goes; new fields may come
 FIGURES = 6  # significant, of lengths beside the cloud's diagonal
@@ -73,12 +74,13 @@ def as_json(
     return json.dumps({**about, **found}, indent=1) + "\n"
 
 
-def as_table(detection: Detection, min_confidence: float) -> str:
-    """A heading, and one line a plane with its columns aligned."""
+def as_table(detection: Detection, min_confidence: float, mark: Callable[[str], str] = str) -> str:
+    """A heading, and one line a plane with its columns aligned; `mark` makes the planes' numbers stand out."""
+    name = shown(detection.path)
     rows, diagonal = detection.rows(), detection.diagonal
     points = f"{len(detection.cloud.points):,} points, diagonal {diagonal:.{FIGURES}g}"
     if not rows:
-        return f"{printable(detection.path)}: no mirror plane of confidence {min_confidence:g} or more ({points})"
+        return f"{name}: no mirror plane of confidence {min_confidence:g} or more ({points})"
     plural = "s" * (len(rows) > 1)
     decimals = max(0, FIGURES - 1 - int(np.floor(np.log10(diagonal))))
     header = ["", "normal", "offset", "point", "confidence", "support", "mean residual", "% of diagonal"]
@@ -96,8 +98,14 @@ def as_table(detection: Detection, min_confidence: float) -> str:
         for number, row in enumerate(rows, 1)
     ]
     widths = [max(map(len, column)) for column in zip(header, *cells, strict=True)]
-    lines = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in [header, *cells]]
-    return "\n".join([f"{printable(detection.path)}: {len(rows)} mirror plane{plural} ({points})", *lines])
+    aligned = [[cell.rjust(width) for cell, width in zip(row, widths, strict=True)] for row in [header, *cells]]
+    lines = ["  ".join([mark(number), *rest]) for number, *rest in aligned]
+    return "\n".join([f"{name}: {len(rows)} mirror plane{plural} ({points})", *lines])
+
+
+def shown(path: Path) -> str:
+    """A file's name for people."""
+    return STDIN_NAME if path == STDIN else printable(path)
 
 
 def printable(text: str | Path) -> str:
