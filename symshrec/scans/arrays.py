@@ -10,7 +10,7 @@ from typing import BinaryIO
 
 import numpy as np
 
-from symshrec.scans.cloud import AXES, CloudFileError, FileCloud, left_out, refuse_not_finite, three_columns
+from symshrec.scans.cloud import AXES, CloudFileError, FileCloud, left_out, readable, refuse_not_finite, three_columns
 from symshrec.scans.source import Source, most_unpacked
 
 HEADERS = {(1, 0): (2, np.lib.format.read_array_header_1_0), (2, 0): (4, np.lib.format.read_array_header_2_0)}
@@ -39,15 +39,12 @@ def read_archive(source: Source) -> FileCloud:
             clouds, naming its arrays; and as `read_array`.
     """
     path, limit = source.path, most_unpacked(source.size)
-    try:
-        with source.open() as file, zipfile.ZipFile(file) as archive:
-            members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
-            name, chosen = _chosen(archive, members, path)
-            if sum(members[each].file_size for each in chosen) > limit:
-                raise CloudFileError(f"{path}: its arrays unpack to more than {limit / 1e9:.3g} GB, which is no cloud")
-            parts = [archive.read(members[each]) for each in chosen]
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise CloudFileError(f"{path}: it does not unpack ({error}); write it with numpy.savez") from error
+    with readable(path, "npz", "write it with numpy.savez"), source.open() as file, zipfile.ZipFile(file) as archive:
+        members = {each.filename.removesuffix(".npy"): each for each in archive.infolist()}
+        name, chosen = _chosen(archive, members, path)
+        if sum(members[each].file_size for each in chosen) > limit:
+            raise CloudFileError(f"{path}: its arrays unpack to more than {limit / 1e9:.3g} GB, which is no cloud")
+        parts = [archive.read(members[each]) for each in chosen]
     arrays = [
         _rows(io.BytesIO(part), len(part), Path(f"{path}[{key}]")) for key, part in zip(chosen, parts, strict=True)
     ]

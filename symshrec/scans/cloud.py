@@ -1,6 +1,7 @@
 """A cloud as it came out of somebody's file, and the error for a file that gives none."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -73,3 +74,20 @@ def refuse_not_finite(points: np.ndarray, path: Path) -> None:
             f"{path}: point {first + 1} is {' '.join(f'{value:g}' for value in points[first])} ({count} such of "
             f"{len(points)}); remove the points that are not finite"
         )
+
+
+@contextmanager
+def readable(path: Path, kind: str, again: str) -> Iterator[None]:
+    """Whatever a package raises about a file within becomes one line that names it and ends with what to do.
+
+    A panic in a package's Rust is no Exception, but comes from the file as well.
+    """
+    try:
+        yield
+    except (CloudFileError, FileNotFoundError, PermissionError, MemoryError):
+        raise
+    except BaseException as error:
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        text = " ".join(str(error).split())[:160] or type(error).__name__
+        raise CloudFileError(f"{path}: it cannot be read as {kind} ({text}); {again}") from error

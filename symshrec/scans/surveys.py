@@ -1,20 +1,20 @@
 """Clouds that other packages read: las and laz (laspy), e57 (pye57), of the extra `scan`, and parquet (pyarrow)."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import struct
 from importlib import import_module
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from types import ModuleType
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from symshrec.scans.cloud import AXES, CloudFileError, FileCloud, axis_places, left_out, refuse_not_finite
+from symshrec.scans.cloud import AXES, CloudFileError, FileCloud, axis_places, left_out, readable, refuse_not_finite
 from symshrec.scans.source import Source, most_unpacked
 
 CHUNK = 1_000_000  # points
 POINT = 24  # bytes of x, y, z in double precision
+LAS_HEADER, LAS_RECORD, LAZ_FORMATS, LEAST_CHUNK = 227, 54, 0x80, 8  # bytes; packed points have the highest bit
 AGAIN = "it may be cut short: export or copy it again"
 
 
@@ -28,12 +28,38 @@ def read_las(source: Source) -> FileCloud:
     path = source.path
     laspy = required("laspy", "scan", path)
     required("lazrs", "scan", path)
-    with readable(path, "las"), source.open() as file, laspy.open(file, closefd=False) as scan:
-        _refuse_absurd(scan.header.point_count, source, path)
-        parts = [np.stack([each.x, each.y, each.z], axis=1) for each in scan.chunk_iterator(CHUNK)]
-        if sum(map(len, parts)) != scan.header.point_count:
-            raise CloudFileError(f"{path}: it has not the {scan.header.point_count:,} points that it claims; {AGAIN}")
+    backend = laspy.LazBackend.Lazrs  # the one that works in parallel ends Python itself where chunks claim too much
+    with readable(path, "las", AGAIN), source.open() as file:
+        _refuse_absurd_las(file, source, path)
+        with laspy.open(file, closefd=False, laz_backend=backend, read_evlrs=False) as scan:
+            _refuse_absurd(scan.header.point_count, source, path)
+            parts = [np.stack([each.x, each.y, each.z], axis=1) for each in scan.chunk_iterator(CHUNK)]
+            if sum(map(len, parts)) != scan.header.point_count:
+                raise CloudFileError(
+                    f"{path}: it has not the {scan.header.point_count:,} points that it claims; {AGAIN}"
+                )
     return _whole(parts, path)
+
+
+def _refuse_absurd_las(file: BinaryIO, source: Source, path: Path) -> None:
+    """Hold against the file what laspy and lazrs believe: how many records follow the header, and how many chunks."""
+    header = file.read(LAS_HEADER)
+    if len(header) < LAS_HEADER or not header.startswith(b"LASF"):
+        raise CloudFileError(f"{path}: it does not begin as a las file does; {AGAIN}")
+    header_size, start, records, kind = struct.unpack_from("<HIIB", header, 94)
+    if start > source.size or records * LAS_RECORD > start - header_size:
+        raise CloudFileError(f"{path}: it claims {records:,} records before byte {start:,}, which it has not; {AGAIN}")
+    if kind & LAZ_FORMATS:
+        file.seek(start)
+        at = int.from_bytes(file.read(8), "little")
+        if at == 2**64 - 1:  # not known when it was written, and given at its end
+            file.seek(max(0, source.size - 8))
+            at = int.from_bytes(file.read(8), "little")
+        file.seek(at if at + 8 <= source.size else max(0, source.size - 8))
+        chunks = int.from_bytes(file.read(8)[4:], "little")
+        if at + 8 > source.size or chunks * LEAST_CHUNK > source.size:
+            raise CloudFileError(f"{path}: it claims {chunks:,} chunks at byte {at:,}, which it has not; {AGAIN}")
+    file.seek(0)
 
 
 def read_e57(source: Source) -> FileCloud:
@@ -54,7 +80,7 @@ def read_e57(source: Source) -> FileCloud:
 
 def _scans(pye57: ModuleType, place: Path, source: Source) -> FileCloud:
     path, parts, missing = source.path, [], 0
-    with readable(path, "e57"), pye57.E57(str(place)) as file:
+    with readable(path, "e57", AGAIN), pye57.E57(str(place)) as file:
         counts = [file.get_header(scan).point_count for scan in range(file.scan_count)]
         _refuse_absurd(sum(counts), source, path)
         for scan, count in enumerate(counts):
@@ -79,7 +105,7 @@ def read_parquet(source: Source) -> FileCloud:
     """
     path = source.path
     parquet = required("pyarrow.parquet", "parquet", path)
-    with readable(path, "parquet"), source.open() as opened, parquet.ParquetFile(opened) as file:
+    with readable(path, "parquet", AGAIN), source.open() as opened, parquet.ParquetFile(opened) as file:
         _refuse_absurd(file.metadata.num_rows, source, path)
         schema = file.schema_arrow
         places = axis_places(schema.names) or tuple(range(len(AXES)))
@@ -116,18 +142,6 @@ def required(module: str, extra: str, path: Path) -> ModuleType:
             f"{path}: {path.suffix} needs {module.partition('.')[0]}, which is not installed: "
             f"pip install 'symshrec[{extra}]'"
         ) from error
-
-
-@contextmanager
-def readable(path: Path, kind: str) -> Iterator[None]:
-    """Whatever a package raises about a file becomes one line that names it."""
-    try:
-        yield
-    except (CloudFileError, FileNotFoundError, PermissionError, MemoryError):
-        raise
-    except Exception as error:
-        text = " ".join(str(error).split())[:160] or type(error).__name__
-        raise CloudFileError(f"{path}: it cannot be read as {kind} ({text}); {AGAIN}") from error
 
 
 def _refuse_absurd(count: int, source: Source, path: Path) -> None:

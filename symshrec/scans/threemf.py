@@ -5,7 +5,6 @@ Read here rather than by trimesh, which needs lxml for it and follows components
 
 import io
 import zipfile
-import zlib
 from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +14,7 @@ from xml.parsers import expat
 import numpy as np
 
 from symshrec.files.foreign import LARGEST_WHOLE
-from symshrec.scans.cloud import CloudFileError
+from symshrec.scans.cloud import CloudFileError, readable
 from symshrec.scans.polygons import Assembly, Mesh, number
 
 MODEL, ENDING = "3d/3dmodel.model", ".model"
@@ -45,20 +44,17 @@ def read_3mf(content: bytes, path: Path, most: int) -> Mesh:
     """
     parts: dict[Key, Part] = {}
     items: list[tuple[Key, np.ndarray]] = []
-    try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            models = {each.filename.lstrip("/").lower(): each for each in archive.infolist()}
-            models = {name: each for name, each in models.items() if name.endswith(ENDING)}
-            if sum(each.file_size for each in models.values()) > most:
-                raise CloudFileError(f"{path}: it unpacks to more than {most / 1e9:.3g} GB; {AGAIN}")
-            for name, member in models.items():
-                model = Model(name, Path(f"{path}[{name}]"))
-                with archive.open(member) as file:
-                    model.parse(file)
-                parts.update(model.parts)
-                items += model.items if name == MODEL else []
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise CloudFileError(f"{path}: it does not unpack ({error}); {AGAIN}") from error
+    with readable(path, "3mf", AGAIN), zipfile.ZipFile(io.BytesIO(content)) as archive:
+        models = {each.filename.lstrip("/").lower(): each for each in archive.infolist()}
+        models = {name: each for name, each in models.items() if name.endswith(ENDING)}
+        if sum(each.file_size for each in models.values()) > most:
+            raise CloudFileError(f"{path}: it unpacks to more than {most / 1e9:.3g} GB; {AGAIN}")
+        for name, member in models.items():
+            model = Model(name, Path(f"{path}[{name}]"))
+            with archive.open(member) as file:
+                model.parse(file)
+            parts.update(model.parts)
+            items += model.items if name == MODEL else []
     if MODEL not in models:
         raise CloudFileError(f"{path}: there is no {MODEL} in it, so that it is no 3mf; {AGAIN}")
     return _assembled(parts, items, Assembly(path, most))
