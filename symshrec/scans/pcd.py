@@ -1,11 +1,14 @@
 """Clouds in pcd, the Point Cloud Library's: text, binary, or binary packed with LZF."""
 
+import io
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from symshrec.scans.cloud import AXES, CloudFileError, FileCloud, axis_places, left_out, refuse_not_finite
+from symshrec.scans.polygons import coordinates
 from symshrec.scans.source import Source, most_unpacked
 
 TYPES = {"F": "f", "I": "i", "U": "u"}
@@ -95,20 +98,18 @@ def _whole(word: str, path: Path) -> int:
 
 
 def _text(content: bytes, header: Header, places: tuple[int, int, int], path: Path) -> np.ndarray:
-    rows = content[header.end :].decode("utf-8", "replace").split("\n")
-    lines = [(number, words) for number, row in enumerate(rows, header.lines + 1) if (words := row.split())]
+    text, width = content[header.end :].decode("utf-8", "replace"), sum(header.counts)
+    with suppress(ValueError):
+        rows = np.loadtxt(io.StringIO(text), comments=None, ndmin=2)
+        if rows.shape == (header.points, width):
+            return rows[:, places]
+    lines = [(number, words) for number, row in enumerate(text.split("\n"), header.lines + 1) if (words := row.split())]
     if len(lines) != header.points:
         raise CloudFileError(f"{path}: {len(lines)} of the {header.points} points that its header counts; {CUT}")
-    width = sum(header.counts)
-    points = np.empty((len(lines), len(AXES)))
-    for row, (number, words) in enumerate(lines):
+    for line, words in lines:
         if len(words) != width:
-            raise CloudFileError(f"{path}:{number}: {len(words)} columns, but its fields are {width}; {CUT}")
-        try:
-            points[row] = [float(words[place]) for place in places]
-        except ValueError as error:
-            raise CloudFileError(f"{path}:{number}: {error}; mend or remove the line") from None
-    return points
+            raise CloudFileError(f"{path}:{line}: {len(words)} columns, but its fields are {width}; {CUT}")
+    return coordinates([[words[place] for place in places] for _, words in lines], [line for line, _ in lines], path)
 
 
 def _binary(content: bytes, header: Header, places: tuple[int, int, int], path: Path) -> np.ndarray:

@@ -6,6 +6,7 @@ Read here rather than by trimesh, which needs lxml for it and follows components
 import io
 import zipfile
 from array import array
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -13,7 +14,6 @@ from xml.parsers import expat
 
 import numpy as np
 
-from symshrec.files.foreign import LARGEST_WHOLE
 from symshrec.scans.cloud import CloudFileError, readable
 from symshrec.scans.polygons import Assembly, Mesh, number
 
@@ -99,12 +99,15 @@ class Model:
     def _element(self, name: str, found: dict[str, str]) -> None:
         match name.rpartition(":")[2]:
             case "vertex":
-                self._part.vertices.extend(self._numbers([found.get(axis, "") for axis in "xyz"], float))
+                self._part.vertices.extend(self._numbers(found, ("x", "y", "z"), float))
             case "triangle":
-                corners = self._numbers([found.get(corner, "") for corner in ("v1", "v2", "v3")], int)
-                if max(map(abs, corners)) > LARGEST_WHOLE:
-                    raise CloudFileError(f"{self.path}:{self._line}: a triangle has a vertex that is not there")
-                self._part.triangles.extend(corners)
+                corners = self._numbers(found, ("v1", "v2", "v3"), int)
+                try:
+                    self._part.triangles.extend(corners)
+                except OverflowError:
+                    raise CloudFileError(
+                        f"{self.path}:{self._line}: a triangle has a vertex that is not there"
+                    ) from None
             case "object":
                 self._part = self.parts[self.name, found.get("id", "")] = Part()
             case "component":
@@ -116,18 +119,17 @@ class Model:
         """The object that is meant, and its place: three rows that turn and scale, one that moves."""
         model = next((value for key, value in found.items() if key.rpartition(":")[2] == "path"), self.name)
         pose = np.eye(4)
-        if words := found.get("transform", "").split():
-            values = self._numbers(words, float)
-            if len(values) != 12:
-                raise CloudFileError(f"{self.path}:{self._line}: a transform has {len(values)} numbers, but needs 12")
-            pose[:3] = np.array(values).reshape(4, 3).T
+        if words := dict(enumerate(found.get("transform", "").split())):
+            if len(words) != 12:
+                raise CloudFileError(f"{self.path}:{self._line}: a transform has {len(words)} numbers, but needs 12")
+            pose[:3] = np.array(self._numbers(words, range(12), float)).reshape(4, 3).T
         return (model.lstrip("/").lower(), found.get("objectid", "")), pose
 
-    def _numbers(self, words: list[str], kind: type) -> list:
+    def _numbers(self, found: Mapping, names: Iterable, kind: type) -> list:
         try:
-            return [kind(word) for word in words]
-        except ValueError:
-            return [number(word, self._line, self.path, kind) for word in words]
+            return [kind(found[name]) for name in names]
+        except (KeyError, ValueError):
+            return [number(found.get(name, ""), self._line, self.path, kind) for name in names]
 
     @property
     def _line(self) -> int:
