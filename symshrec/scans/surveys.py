@@ -26,8 +26,8 @@ def read_las(source: Source) -> FileCloud:
             that claims more points than a file of its size holds, or without points.
     """
     path = source.path
-    laspy = required("laspy", "scan", path)
-    required("lazrs", "scan", path)
+    laspy = required("laspy", "scan", source)
+    required("lazrs", "scan", source)
     backend = laspy.LazBackend.Lazrs  # the one that works in parallel ends Python itself where chunks claim too much
     with readable(path, "las", AGAIN), source.open() as file:
         _refuse_absurd_las(file, source, path)
@@ -69,7 +69,7 @@ def read_e57(source: Source) -> FileCloud:
         CloudFileError: as `read_las`, for pye57.
     """
     path = source.path
-    pye57 = required("pye57", "scan", path)
+    pye57 = required("pye57", "scan", source)
     if source.content is not None:  # of standard input, or unpacked
         with NamedTemporaryFile(suffix=".e57") as file:
             file.write(source.content)
@@ -104,7 +104,7 @@ def read_parquet(source: Source) -> FileCloud:
             rows than a file of its size holds, or without three columns of real numbers.
     """
     path = source.path
-    parquet = required("pyarrow.parquet", "parquet", path)
+    parquet = required("pyarrow.parquet", "parquet", source)
     with readable(path, "parquet", AGAIN), source.open() as opened, parquet.ParquetFile(opened) as file:
         _refuse_absurd(file.metadata.num_rows, source, path)
         schema = file.schema_arrow
@@ -129,7 +129,7 @@ def _refuse_no_number(name: str, schema: Any, path: Path) -> None:
         raise CloudFileError(f"{path}: its column {name[:40]!r} holds {kind[:40]}; coordinates are real numbers")
 
 
-def required(module: str, extra: str, path: Path) -> ModuleType:
+def required(module: str, extra: str, source: Source) -> ModuleType:
     """A package that only some installs have.
 
     Raises:
@@ -139,7 +139,7 @@ def required(module: str, extra: str, path: Path) -> ModuleType:
         return import_module(module)
     except ImportError as error:
         raise CloudFileError(
-            f"{path}: {path.suffix} needs {module.partition('.')[0]}, which is not installed: "
+            f"{source.path}: {source.kind} needs {module.partition('.')[0]}, which is not installed: "
             f"pip install 'symshrec[{extra}]'"
         ) from error
 

@@ -37,7 +37,11 @@ def scene():
 
 
 def corners_of(scene):
-    return np.sort(scene.to_geometry().triangles.reshape(-1, 9), axis=0)
+    placed = []
+    for node in scene.graph.nodes_geometry:
+        pose, name = scene.graph[node]
+        placed.append(trimesh.transform_points(scene.geometry[name].triangles.reshape(-1, 3), pose).reshape(-1, 9))
+    return np.sort(np.concatenate(placed), axis=0)
 
 
 def same_mesh(mesh, scene):
