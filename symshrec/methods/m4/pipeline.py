@@ -1,6 +1,7 @@
 """M4, our training-free detector: one cloud in, its mirror planes out."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -9,7 +10,7 @@ from torch import Tensor
 from symshrec.methods.fit.alignment import AlignmentSettings, aligned
 from symshrec.methods.fit.coupling import distinct
 from symshrec.methods.fit.density import Density
-from symshrec.methods.fit.evening import evened
+from symshrec.methods.fit.evening import evened, unevenness
 from symshrec.methods.fit.floor import without_floor
 from symshrec.methods.fit.frame import Frame, checked, frame_of
 from symshrec.methods.fit.judgement import Judge
@@ -17,7 +18,7 @@ from symshrec.methods.fit.likelihood import ascended, divergence
 from symshrec.methods.fit.polishing import polished, slid
 from symshrec.methods.fit.surface import Neighbours
 from symshrec.methods.m4.climb import FINE_POINTS, FINE_STEPS, LONGEST_STEP
-from symshrec.methods.m4.confidence import confidences, features, logits, surface_features
+from symshrec.methods.m4.confidence import confidences, features, logits, strict, surface_features
 from symshrec.methods.m4.density_search import DensitySearch
 from symshrec.methods.m4.settings import M4Settings
 from symshrec.methods.m4.surface_search import SurfaceSearch, repulsion
@@ -25,7 +26,9 @@ from symshrec.planes import Planes
 
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
-SURE = 0.9  # confidence of the best plane by density from which surface is not asked
+SURE = 0.9  # confidence by density from which a plane is sure
+EVEN = 0.15  # unevenness up to which a cloud with a sure plane has no others, and surface is not asked
+LESSER, UNLIKELY = 0.07, 0.3  # value of a further plane less than a sure one's has, beyond which it is unlikely
 NOISY = 1.0  # count · spacing² of the evened cloud, beyond which its points fill a volume rather than a surface
 WORTH = 0.5  # of the best plane's merit, of another that is aligned
 
@@ -50,8 +53,18 @@ class Observed:
 
     @property
     def sure(self) -> bool:
-        """Whether surface need not be asked."""
+        """Whether a plane is sure by density."""
         return bool((self.found.confidences >= SURE).any())
+
+    @cached_property
+    def uneven(self) -> float:
+        """See `unevenness`."""
+        return unevenness(self.cloud)
+
+    @property
+    def settled(self) -> bool:
+        """Whether surface need not be asked."""
+        return self.sure and self.uneven <= EVEN
 
 
 @torch.inference_mode()
@@ -59,8 +72,8 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     """The mirror planes of one cloud, by descending confidence.
 
     Where the cloud is an even sample of a whole object, a plane is judged by how well the mirrored cloud fits the
-    cloud's own density. Where no plane is sure by that, a floor is set aside and planes are sought and judged by
-    surface: how much of it has a mirror image, wherever one could have been observed (see `Judgement`).
+    cloud's own density. Where no plane is sure by that, or the sample is uneven, planes are sought and judged by
+    surface, off the floor: how much of it has a mirror image, wherever one could have been observed (see `Judgement`).
 
     Confidence says how likely a plane is a symmetry. The order of the points and their position change nothing. Pose
     and scale change which points are used first and how the grid lies: on noisy clouds some hundredths of a degree, and
@@ -82,7 +95,7 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     seen = observed(points, settings)
     if seen is None:
         return Planes.empty()
-    found = seen.found if seen.sure else found_by_surface(seen, settings)
+    found = seen.found if seen.settled else found_by_surface(seen, settings)
     kept = distinct(found.normals, -found.confidences, settings.separation_deg)[: settings.max_planes]
     return seen.frame.planes(found.normals[kept], found.offsets[kept], found.confidences[kept]).ranked()
 
@@ -120,12 +133,23 @@ def found_by_density(frame: Frame, settings: M4Settings) -> Observed:
 
 def found_by_surface(seen: Observed, settings: M4Settings) -> Found:
     """What a cloud is symmetric about as far as its surface was observed, beside what density found."""
-    normals, offsets, table = surface_candidates(seen, settings)
-    return Found(normals, offsets, torch.sigmoid(logits(table, settings.surface_calibration)))
+    normals, offsets, table, value = surface_candidates(seen, settings)
+    sureness = torch.sigmoid(logits(table, settings.surface_calibration))
+    if seen.sure:
+        by_density = torch.zeros_like(sureness)
+        by_density[-len(seen.found.confidences) :] = seen.found.confidences
+        sure = by_density >= SURE
+        lesser = (value < value[sure].max() - LESSER) & (by_density < 0.5)
+        sureness = torch.where(lesser, sureness.clamp_max(UNLIKELY), sureness)
+        sureness = torch.where(sure, by_density, sureness)
+    return Found(normals, offsets, sureness)
 
 
-def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
-    """Normals (K, 3), offsets (K,) and `surface_features` (K, 8) of what may be symmetries."""
+def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Normals (K, 3), offsets (K,), `surface_features` (K, 13) and strict values (K,) of what may be symmetries.
+
+    The planes that density found are the last ones.
+    """
     cloud, first = seen.cloud, seen.found
     thin = evened(cloud)
     judge = Judge(cloud.points[thin.rows], thin.spacing)
@@ -148,7 +172,8 @@ def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Te
     thinned = divergence(fine, even[:FINE_POINTS], normals, offsets) - repulsion(fine, cloud.points, thin.rows)
     by_density = logits(features(whole, len(cloud.points)), settings.calibration)
     judgement = judge(normals, offsets)
-    return normals, offsets, surface_features(by_density, thinned, judgement, len(even), thin.spacing)
+    cloud_is = len(even), thin.spacing, seen.uneven, seen.sure
+    return normals, offsets, surface_features(by_density, thinned, judgement, *cloud_is), strict(judgement)
 
 
 def _off_the_floor(points, frame: Frame, settings: M4Settings) -> Frame:
