@@ -33,7 +33,8 @@ Labelled = tuple[np.ndarray, np.ndarray]  # features (K, F) of planes, and which
 TRUE, NEITHER = 1.5, 3.0
 SURFACE_TRUE, SURFACE_NEITHER = 1.2, 4.0
 BENT = "P15"
-# An object is nearly symmetric if a smaller share of its points is mirrored off it by more than so much of its diagonal.
+# An object is nearly symmetric if fewer of its points than this share are mirrored further off it than so much of its
+# diagonal.
 NEARLY, OFF = 0.2, 0.012
 MIRRORED, DENSE = 1500, 20_000  # points that are mirrored, and that stand for the object
 ASSEMBLY_POINTS = (300, 9000)

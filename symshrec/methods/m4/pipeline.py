@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import cos, radians
 
 import numpy as np
 import torch
@@ -28,7 +29,8 @@ GROUP = 0.015  # divergence above the best plane's up to which planes are aligne
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
 SURE = 0.9  # confidence by density from which a plane is sure
 EVEN = 0.15  # unevenness up to which a cloud with a sure plane has no others, and surface is not asked
-LESSER, UNLIKELY = 0.07, 0.3  # value of a further plane less than a sure one's has, beyond which it is unlikely
+ADDED, LIKELY, UNLIKELY = 0.89, 0.5, 0.3  # confidence of what surface adds to sure planes, at most; likely; unlikely
+LESSER, BESIDE = 0.07, 15.0  # value below a sure plane's, and degrees from one, at which a further plane is unlikely
 NOISY = 1.0  # count · spacing² of the evened cloud, beyond which its points fill a volume rather than a surface
 WORTH = 0.5  # of the best plane's merit, of another that is aligned
 
@@ -138,11 +140,22 @@ def found_by_surface(seen: Observed, settings: M4Settings) -> Found:
     if seen.sure:
         by_density = torch.zeros_like(sureness)
         by_density[-len(seen.found.confidences) :] = seen.found.confidences
-        sure = by_density >= SURE
-        lesser = (value < value[sure].max() - LESSER) & (by_density < 0.5)
-        sureness = torch.where(lesser, sureness.clamp_max(UNLIKELY), sureness)
-        sureness = torch.where(sure, by_density, sureness)
+        sureness = _beside_sure(normals, value, by_density, sureness)
     return Found(normals, offsets, sureness)
+
+
+def _beside_sure(normals: Tensor, value: Tensor, by_density: Tensor, by_surface: Tensor) -> Tensor:
+    """Confidences (K,) where some planes are sure by density: these keep theirs, and come before what surface adds.
+
+    What surface adds must mirror about as much surface as a sure plane does, and not be one of them again.
+    """
+    sure = by_density >= SURE
+    alike = (normals @ normals[sure].T).abs().max(1).values > cos(radians(BESIDE))
+    doubtful = ((value < value[sure].max() - LESSER) | alike) & (by_density < LIKELY)
+    confidences = by_surface.clamp_max(ADDED)
+    confidences = torch.where(doubtful, confidences.clamp_max(UNLIKELY), confidences)
+    confidences = torch.where(by_density >= LIKELY, torch.maximum(confidences, by_density), confidences)
+    return torch.where(sure, by_density, confidences)
 
 
 def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor, Tensor]:

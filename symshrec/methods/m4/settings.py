@@ -10,8 +10,8 @@ from symshrec.methods.settings import HARMLESS, MethodSettings, check_ranges
 CALIBRATION = (1.759, -82.546, -60.19, 236.37)
 # Of `surface_features`, by `experiments/calibrate_surface.py`; results/surface_calibration.json.
 SURFACE_CALIBRATION = (
-    *(-21.58, 0.155, -2.995, 1.31, -4.363, 1.517, -8.032, -2.085, 0.894),
-    *(-0.415, 0.474, 0.221, 0.589, 7.066),
+    *(-20.699, 0.149, -3.021, 0.802, -4.198, 2.213, -9.27, -1.854, 0.65),
+    *(-0.397, 0.75, 0.223, 0.975, 5.983),
 )
 
 
