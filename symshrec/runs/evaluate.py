@@ -5,7 +5,7 @@ import json
 import logging
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import MutableMapping, Sequence
 from pathlib import Path
 
 from lightning import Callback, Trainer, seed_everything
@@ -38,7 +38,12 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
     return SymmetryDataModule(settings_of(config.data), config.seed, *order)
 
 
-def evaluate(config: DictConfig, method: SymmetryMethod | None = None, callbacks: Sequence[Callback] = ()) -> dict:
+def evaluate(
+    config: DictConfig,
+    method: SymmetryMethod | None = None,
+    callbacks: Sequence[Callback] = (),
+    shelf: MutableMapping | None = None,
+) -> dict:
     """Detect, score and record: predictions.safetensors, config.yaml and, last, metrics.json in `config.folder`.
 
     A killed run goes on where it was. A finished one is left alone where nothing changed, only scored again where the
@@ -49,6 +54,7 @@ def evaluate(config: DictConfig, method: SymmetryMethod | None = None, callbacks
     Args:
         method: ready for use, and described by `config.method`; made from that where it is None.
         callbacks: for Lightning's Trainer, beside those that `config.callbacks` names.
+        shelf: of the method, shared with runs of the same method over the same clouds (see `SymmetryMethod`).
 
     Returns:
         What metrics.json holds; of a partial run the same scores, with the arguments that shortened it as `partial`.
@@ -61,7 +67,7 @@ def evaluate(config: DictConfig, method: SymmetryMethod | None = None, callbacks
         raise ValueError("ckpt_path is for train; evaluate takes weights: method.weights=[FILE.safetensors]")
     folder = Path(config.folder)
     with claimed(folder):
-        return _evaluated(config, folder, method, callbacks)
+        return _evaluated(config, folder, method, callbacks, shelf)
 
 
 def clouds_left(config: DictConfig, data: SymmetryDataModule) -> int:
@@ -82,7 +88,13 @@ def clouds_left(config: DictConfig, data: SymmetryDataModule) -> int:
     return max(clouds - len(PredictionStore(place, key).done()), 1) if place else clouds
 
 
-def _evaluated(config: DictConfig, folder: Path, method: SymmetryMethod | None, callbacks: Sequence[Callback]) -> dict:
+def _evaluated(
+    config: DictConfig,
+    folder: Path,
+    method: SymmetryMethod | None,
+    callbacks: Sequence[Callback],
+    shelf: MutableMapping | None,
+) -> dict:
     """`evaluate` in a folder that no other process writes in."""
     seed_everything(config.seed, workers=True, verbose=False)
     data, method = datamodule_of(config), method_of(config) if method is None else method
@@ -99,6 +111,7 @@ def _evaluated(config: DictConfig, folder: Path, method: SymmetryMethod | None, 
         log.warning("%s: %s; predicting what is missing", config.title, lack)
     store = open_store(folder, identity)
     method.known, method.detected = dict(store.items()), _unrefined(config, method, identity)
+    method.shelf = shelf
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
     trainer = _trainer(config, folder, keeper, *callbacks)

@@ -95,6 +95,8 @@ class Progress(Callback):
     def run(self) -> None:
         """Run every job that has clouds left; errors as `evaluate`."""
         to_run = [job for job in self.jobs if job.clouds]
+        shared: tuple[str, str] | None = None
+        shelf: dict = {}
         self._say(self._beginning(to_run))
         self.began = self.said = time.monotonic()
         for number, job in enumerate(self.jobs, 1):
@@ -103,7 +105,9 @@ class Progress(Callback):
             started = time.monotonic()
             self.job, self.place = job, f"{number:{len(str(len(self.jobs)))}} of {len(self.jobs)}"
             self.bar.set_description(f"{self.place}, {job.row.data}, {job.config.title}", refresh=False)
-            result = evaluate(job.config, callbacks=[self])
+            if (of := (job.row.data, job.config.method.name)) != shared:
+                shared, shelf = of, {}  # runs of one method stand together, and what they share takes memory
+            result = evaluate(job.config, callbacks=[self], shelf=shelf)
             self.before += self._expected(job)
             self._move_to(self.before)
             took = duration(time.monotonic() - started)
