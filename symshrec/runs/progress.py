@@ -11,13 +11,14 @@ from lightning import Callback
 from omegaconf import DictConfig
 from tqdm import tqdm
 
+from symshrec.files.threads import one_thread
 from symshrec.runs.evaluate import METRICS, TIMES, clouds_left, datamodule_of, evaluate, seconds_in
 from symshrec.runs.provenance import hardware
 from symshrec.runs.reproduce import Row
 from symshrec.runs.stores import PREDICTIONS
 
 LINE_EVERY = 300.0  # seconds, within a row: a log of hours shows that it goes on
-SETTLED = 0.05  # of the expected time has to be over before the pace of this session counts
+TRUSTED = 0.1  # of the expected time: so much weight has it beside what this session has taken so far
 
 
 @dataclass(frozen=True)
@@ -107,7 +108,8 @@ class Progress(Callback):
             self.bar.set_description(f"{self.place}, {job.row.data}, {job.config.title}", refresh=False)
             if (of := (job.row.data, job.config.method.name)) != shared:
                 shared, shelf = of, {}  # runs of one method stand together, and what they share takes memory
-            result = evaluate(job.config, callbacks=[self], shelf=shelf)
+            with one_thread():  # networks as small as these lose little, and everything where other programs compute
+                result = evaluate(job.config, callbacks=[self], shelf=shelf)
             self.before += self._expected(job)
             self._move_to(self.before)
             took = duration(time.monotonic() - started)
@@ -123,11 +125,12 @@ class Progress(Callback):
             self._say(f"{self.place}  {self.job.row.data}, {self.job.config.title}: {share:.0%}; {self.left()} left")
 
     def left(self) -> str:
-        """The time left, by the seconds known before until this session has a pace of its own."""
+        """The time left: the seconds known before, at a pace that this session's own takes over bit by bit."""
         spent, left = time.monotonic() - self.began, self.total - self.done
-        if self.done > SETTLED * self.total:
-            return f"about {duration(left * spent / self.done)}"
-        return f"about {duration(left)}" if self.known else "unknown time"
+        trusted = TRUSTED * self.total if self.known else 0.0
+        if not trusted + self.done:
+            return "unknown time"
+        return f"about {duration(left * (spent + trusted) / (self.done + trusted))}"
 
     def _beginning(self, to_run: Sequence[Job]) -> str:
         current = len(self.jobs) - len(to_run)
