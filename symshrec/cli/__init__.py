@@ -1,5 +1,6 @@
 """The command line: `symshrec detect`, `view`, `score` and `export` for people's own clouds and results, and the
-benchmark's `generate`, `train`, `evaluate`, `tables`, `figures` and `bench`, which are Hydra commands over conf/."""
+benchmark's `generate`, `train`, `evaluate`, `tables`, `reproduce`, `figures` and `bench`, which are Hydra commands over
+conf/."""
 
 import argparse
 import os
@@ -22,6 +23,7 @@ BENCHMARK = {
     "train": "train a method, or go on where it was",
     "evaluate": "run a method over the test clouds and score it",
     "tables": "write the paper's tables from finished runs, ours beside the published",
+    "reproduce": "make the paper's tables from nothing: data, all runs, tables, of which only what is missing",
     "figures": "draw the paper's figures from our own clouds",
     "bench": "time everything as ratios within one run",
 }  # with settings as KEY=VALUE

@@ -292,3 +292,26 @@ def test_detect_takes_a_tensor_of_any_precision():
     points = petal_cone(600).astype(np.float32)
     planes = M3(M3Settings(neighbours=40)).detect(torch.from_numpy(points))
     assert_same(planes, detect_planes(points, M3Settings(neighbours=40)))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_runs_that_share_the_diffusion_function_find_what_they_find_alone(workers, monkeypatch):
+    batch = batch_of([petal_cone(), box_surface(), np.zeros((3, 3))])
+    settings = [M3Settings(neighbours=count, time_factor=0.1, workers=workers) for count in (40, 60)]
+    alone = [M3(each).detect_batch(batch) for each in settings]
+    shelf, found = {}, []
+    for each in settings:
+        method = M3(each)
+        method.shelf = shelf
+        found.append(method.detect_batch(batch))
+        method.pool.close()
+        monkeypatch.setattr("symshrec.methods.m3.module.diffused", lambda *_: pytest.fail("computed twice"))
+    for mine, others in zip(found, alone, strict=True):
+        for planes, expected in zip(mine, others, strict=True):
+            np.testing.assert_array_equal(planes.normals, expected.normals)
+            np.testing.assert_array_equal(planes.confidences, expected.confidences)
+    assert len(found[0][0]) > len(found[0][2]) == 0
+    other = M3(M3Settings(time_factor=0.2))
+    other.shelf = shelf
+    with pytest.raises(BaseException, match="computed twice"):
+        other.detect_batch(batch)
