@@ -28,6 +28,9 @@ def main() -> None:
     for option, known in (("methods", METHODS), ("objects", names), ("conditions", tuple(CONDITIONS))):
         parser.add_argument(f"--{option}", nargs="+", default=list(known), metavar=option[:-1].upper(), help=_of(known))
     parser.add_argument("--truth", action="store_true", help="find the objects' planes anew, on their meshes; no more")
+    parser.add_argument(
+        "--again", action="store_true", help="make rows anew that are up to date by the method's version"
+    )
     parser.add_argument("--report", action="store_true", help="only write the page and the picture")
     parser.add_argument("--folder", type=Path, default=Path("runs/real"), help="of the packages and the rows")
     parser.add_argument("--results", type=Path, default=Path("results"))
@@ -39,7 +42,7 @@ def main() -> None:
             return find_truth(asked.folder / "packages", asked.objects)
         if not asked.report:
             chosen = [each for each in table["objects"] if each["name"] in asked.objects]
-            study(chosen, asked.conditions, asked.methods, asked.folder, asked.folder / "packages")
+            study(chosen, asked.conditions, asked.methods, asked.folder, asked.folder / "packages", asked.again)
         report.write(table["objects"], table["packages"], asked.folder, asked.results / "real.md")
         picture.draw(
             table["objects"], asked.folder, asked.folder / "packages", asked.results / "figures/real.png", "m4"

@@ -37,8 +37,15 @@ class Row(NamedTuple):
     code: dict
 
 
-def study(objects: Sequence[dict], conditions: Sequence[str], methods: Sequence[str], folder: Path, packages: Path):
-    """Make the rows that are missing, or that another version of the method or the conditions made."""
+def study(objects, conditions: Sequence[str], methods: Sequence[str], folder: Path, packages: Path, again=False):
+    """Make the rows that are missing, or that another version of the method or the conditions made.
+
+    Args:
+        objects: of the list. folder: of the rows. again: make those too that are up to date.
+
+    Raises:
+        ValueError: where a package is missing, saying how to install it, or another process makes the same rows.
+    """
     for method in methods:
         names = [name for name in conditions if name in OF_MESHES.get(method, conditions)]
         detect, identity = opened(method, folder / "pyclarcs/site")
@@ -49,7 +56,7 @@ def study(objects: Sequence[dict], conditions: Sequence[str], methods: Sequence[
                 shape = load(each, packages)
                 for name in names:
                     made = made_of(shape, name, identity)
-                    if known.get((shape.name, name)) != made:
+                    if again or known.get((shape.name, name)) != made:
                         cloud = make(shape.surface, shape.planes, shape.nearly, shape.name, name)
                         planes, seconds = detect(cloud.points, shape.surface, cloud.turn)
                         append(folder / method / ROWS, line(shape.name, name, made, cloud, planes, seconds, code))
