@@ -59,10 +59,10 @@ def find_truth(packages: Path, names: Iterable[str], path: Path = OBJECTS) -> No
 
 
 def _in_frame(rows: list, frame: Frame) -> Planes:
-    """Rows (normal, point, share) of a file's frame as planes of ours."""
+    """Rows (normal, point, share) of a file's frame as planes of ours, their points at the object's middle (P15)."""
     table = np.array(rows, dtype=float).reshape(-1, 7)
     planes = Planes(table[:, :3], table[:, 3:6], table[:, 6])
-    return planes.transformed(frame.rotation, frame.translation, frame.scale)
+    return planes.transformed(frame.rotation, frame.translation, frame.scale).canonical()
 
 
 def _in_file(planes: Planes, frame: Frame) -> list:
