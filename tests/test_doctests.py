@@ -16,7 +16,13 @@ MODULES = [
     for package in (symshrec.planes, symshrec.geometry, symshrec.metrics)
     for each in pkgutil.iter_modules(package.__path__)
 ]
-CLASSES = {"Planes", "PackedPlanes", "UnitSphere", "SymmetryMetric"}  # the others are what functions give back
+CLASSES = {
+    "Planes",
+    "PackedPlanes",
+    "UnitSphere",
+    "DiscSurface",
+    "SymmetryMetric",
+}  # the others are what functions give back
 
 
 @pytest.mark.parametrize("name", MODULES)

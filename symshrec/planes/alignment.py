@@ -38,9 +38,7 @@ class Alignment:
         return np.setdiff1d(np.arange(len(self.normals)), self.slots)
 
 
-def aligned(
-    group: Mirrors, normals: np.ndarray, points: np.ndarray, angle: float, distance: float
-) -> Alignment | None:
+def aligned(group: Mirrors, normals: np.ndarray, points: np.ndarray, angle: float, distance: float) -> Alignment | None:
     """The group turned and moved to where the most planes are mirrors of it.
 
     None where some planes are none of its mirrors while some mirrors are none of the planes: that says nothing.

@@ -112,4 +112,3 @@ def mirrors(name: str) -> Mirrors:
     else:
         raise ValueError(f"{name!r} is no group of mirrors; there are Cs, Cnv, Dnh (n from 2 on), Td, Oh and Ih")
     return Mirrors(name, normals, np.array(first))
-
