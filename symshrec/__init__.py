@@ -4,9 +4,28 @@ from importlib import import_module
 
 __version__ = "0.2.0"
 _API = ("TensorPlanes", "detect", "evaluate", "train")
-_HOMES = {"Planes": "planes", **dict.fromkeys(_API, "api")}  # imported when first asked for
+_PLANES = ("Planes", "PointGroup", "point_group")
+_MEASURES = ("asymmetry", "mirror_correspondences", "mirror_deviations", "mirror_residuals")
+_HOMES = {
+    **dict.fromkeys(_PLANES, "planes"),
+    **dict.fromkeys(_MEASURES, "geometry.residuals"),
+    **dict.fromkeys(_API, "api"),
+}  # imported when first asked for
 
-__all__ = ["Planes", "TensorPlanes", "__version__", "detect", "evaluate", "train"]
+__all__ = [
+    "Planes",
+    "PointGroup",
+    "TensorPlanes",
+    "__version__",
+    "asymmetry",
+    "detect",
+    "evaluate",
+    "mirror_correspondences",
+    "mirror_deviations",
+    "mirror_residuals",
+    "point_group",
+    "train",
+]
 
 
 def __getattr__(name: str):

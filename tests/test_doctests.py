@@ -9,13 +9,20 @@ import pytest
 
 import symshrec.geometry
 import symshrec.metrics
+import symshrec.planes
 
-MODULES = ["symshrec.planes"] + [
+MODULES = [
     f"{package.__name__}.{each.name}"
-    for package in (symshrec.geometry, symshrec.metrics)
+    for package in (symshrec.planes, symshrec.geometry, symshrec.metrics)
     for each in pkgutil.iter_modules(package.__path__)
 ]
-CLASSES = {"Planes", "PackedPlanes", "UnitSphere", "SymmetryMetric"}  # the others are what functions give back
+CLASSES = {
+    "Planes",
+    "PackedPlanes",
+    "UnitSphere",
+    "DiscSurface",
+    "SymmetryMetric",
+}  # the others are what functions give back
 
 
 @pytest.mark.parametrize("name", MODULES)

@@ -8,7 +8,8 @@ import numpy as np
 
 from symshrec.benchmark.official.numbers import LONGEST_QUOTE, complaint, parse_counted_rows, parse_rows
 from symshrec.files.atomic import write_atomically
-from symshrec.planes import MIN_NORMAL_LENGTH, Planes
+from symshrec.planes import Planes
+from symshrec.planes.planes import MIN_NORMAL_LENGTH
 
 POINT_DECIMALS = 6  # as the track prints them
 PLANE_DECIMALS = 12  # ours: the track's own number is not known, and a reader takes any

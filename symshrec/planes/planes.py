@@ -2,8 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from symshrec.planes.groups import PointGroup
 
 MIN_NORMAL_LENGTH = 1e-12
 UNIT_LENGTH_ROUNDING = 1e-15
@@ -93,6 +97,21 @@ class Planes:
         translation = np.zeros(3) if translation is None else np.asarray(translation, dtype=np.float64)
         points = scale * self.points @ rotation.T + translation
         return Planes(self.normals @ rotation.T, points, self.confidences)
+
+    def group(self, diagonal: float | None = None, angle_deg: float = 1.0, distance: float = 0.01) -> "PointGroup":
+        """The point group that the planes make, its axes of rotation and what is missing of it: see `point_group`.
+
+        Args:
+            diagonal: of the cloud: planes that pass the group's centre by more than `distance` of it are no part of the
+                group; None: that planes meet is not asked.
+
+        >>> group = Planes([[1, 0, 0], [0, 1, 0]], [[0, 0, 7], [0, 0, 7]]).group()
+        >>> group.name, [axis.order for axis in group.axes]
+        ('C2v', [2])
+        """
+        from symshrec.planes.groups import point_group  # which is of planes
+
+        return point_group(self.normals, self.points, diagonal, angle_deg, distance)
 
     def mirror(self, points: np.ndarray) -> np.ndarray:
         """(N, 3) points mirrored across every plane: (K, N, 3).
