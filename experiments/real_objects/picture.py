@@ -16,10 +16,10 @@ from symshrec.reporting.figures.drawing import draw_cloud
 SHOWN = (
     ("airplane", "view_oblique"),
     ("lego", "floor_2"),
-    ("robot_body", "scanner"),
+    ("walker_body", "scanner"),
     ("nut", "gradient_10"),
-    ("table", "cut_20"),
-    ("gripper", "bite_10"),
+    ("shelf", "cut_20"),
+    ("gripper_finger", "bite_10"),
 )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.real_objects.conditions import CONDITIONS, DRAWN, FIXED
-from experiments.real_objects.methods import METHODS
+from experiments.real_objects.methods import CLARCS_POINTS, METHODS, OF_MESHES
 from experiments.real_objects.scores import Score, score
 from experiments.real_objects.study import Row, stored
 from symshrec.files.atomic import write_atomically
@@ -29,6 +29,9 @@ are taken away, more where outliers or a floor come in) under a random rotation.
 .5 or more; where a method gives no confidence, every plane is. A true plane is found by a claimed one within 1° and, at
 the object's middle, 1 % of its diagonal; a claimed plane is false beyond 3° or 2 % of every true and nearly true one.
 
+`pyclarcs` gives one plane, of {points:,} points at most, since its time grows with their square. trimesh knows no
+mirror planes: `trimesh` are the three planes across a mesh's axes of inertia, from which its `symmetry` comes.
+
 Made by `python experiments/real.py`, whose first lines say what to install; killed, it goes on where it was.
 
 ![Objects as scanners see them, with M4's planes](figures/real.png)
@@ -42,13 +45,14 @@ def write(objects: Sequence[dict], packages: dict, folder: Path, path: Path) -> 
     rows = {method: each for method, each in rows.items() if each}
     scored = {m: {(r.object, r.condition): score(r.planes, r.true, r.allowed) for r in rows[m]} for m in rows}
     symmetric = sum(bool(each["planes"]) for each in objects)
-    parts = [HEAD.format(symmetric=symmetric, other=len(objects) - symmetric)]
+    parts = [HEAD.format(symmetric=symmetric, other=len(objects) - symmetric, points=CLARCS_POINTS)]
     for title, (key, best, meaning) in MEASURES.items():
         parts.append(f"## {title}\n\n{meaning}\n")
         for kind, conditions in (("As the benchmark draws it", DRAWN), ("At a fixed strength", FIXED)):
             parts.append(markdown(measure_grid(scored, conditions, kind, key, best)))
-    parts += ["## Time\n", markdown(time_grid(rows)), "## Objects\n", _about(packages)]
-    parts += [markdown(object_grid(objects, scored)), "## What made these figures\n", made_by(rows)]
+    parts += ["## Time\n", markdown(time_grid(rows)), "## Objects\n", _about(packages, objects)]
+    parts += [markdown(object_grid(objects, scored)), "## What made these figures\n", made_by(rows, len(objects))]
+    path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, "\n".join(parts).encode())
 
 
@@ -92,17 +96,21 @@ def object_grid(objects: Sequence[dict], scored: dict) -> Grid:
     return Grid("Found over all conditions", ["object", "what", "file", "planes (+ nearly)", *scored], rows, left=3)
 
 
-def made_by(rows: dict[str, list[Row]]) -> str:
+def made_by(rows: dict[str, list[Row]], objects: int) -> str:
     """A line for each method: its clouds and the code they were made with."""
     lines = []
     for method, each in rows.items():
         codes = {(row.code["version"], str(row.code["commit"])[:9], "*" * bool(row.code["modified"])) for row in each}
         named = ", ".join(f"{release} at {commit}{star}" for release, commit, star in sorted(codes))
-        lines.append(f"- {method}: {len(each)} clouds, symshrec {named}\n")
+        asked = objects * len(OF_MESHES.get(method, CONDITIONS))
+        lines.append(f"- {method}: {len(each):,} of {asked:,} clouds, symshrec {named}\n")
     machine = hardware()
     lines.append(f"\nPage written on {machine['cpu']}, {machine['cores']} cores; trimesh {version('trimesh')}. ")
     return "".join(lines) + "A star: files of the package were changed since that commit.\n"
 
 
-def _about(packages: dict) -> str:
-    return "".join(f"- {name} {each['version']}: {each['licence']}\n" for name, each in packages.items()) + "\n"
+def _about(packages: dict, objects: Sequence[dict]) -> str:
+    """The packages' licences, and those that an object's own folder states."""
+    lines = [f"- {name} {each['version']}: {each['licence']}" for name, each in packages.items()]
+    lines += [f"- of that, {each['name']}: {each['licence']}" for each in objects if "licence" in each]
+    return "\n".join(lines) + "\n"
