@@ -120,6 +120,10 @@ def _both(value: float) -> list:
     return [value, value]
 
 
+def _cut(percent: float) -> dict:
+    return {"scan.bite_probability": 0.0, "scan.cut_fraction": _both(percent / 100)}
+
+
 def _sweep(name: str, title: str, perturbation: str | Perturbation, values, settings: Callable, towards=None) -> dict:
     """A condition for each strength: names end in it, and the title's {} holds it."""
     return {
@@ -169,14 +173,14 @@ FIXED = {
         "half-space cut {} %",
         "P13",
         (10, 20, 30),
-        lambda percent: {"scan.bite_probability": 0.0, "scan.cut_fraction": _both(percent / 100)},
+        _cut,
     ),
     **_sweep(
         "side_cut",
         "one side cut {} %",
         "P13",
         (5, 15),
-        lambda percent: {"scan.bite_probability": 0.0, "scan.cut_fraction": _both(percent / 100)},
+        _cut,
         _ACROSS,
     ),
     **_sweep(
