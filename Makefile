@@ -6,7 +6,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --no-deps --no-build-isolation
-# ALL=1 adds the refined rows and the oracle's, which take as long as all others together.
+# ALL=1 adds the refined rows and the oracle's.
 ALL ?=
 # The data of P6–P9 that stands beside this scale's tables; data.hard of conf/data says so too.
 HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)

@@ -11,7 +11,6 @@ from symshrec.planes import Planes
 
 SUNK = 1e-6  # of a part's own size, by which a point must lie inside it to be hidden
 
-
 Drawn = tuple[np.ndarray, np.ndarray]  # points (N, 3) uniform on a surface, and unit normals (N, 3)
 
 
@@ -41,18 +40,16 @@ def _box_draw(count: int, half: np.ndarray, rng: np.random.Generator) -> Drawn:
 
 
 def _ellipsoid_draw(count: int, half: np.ndarray, rng: np.random.Generator) -> Drawn:
-    kept, across, have = [], [], -1
+    kept: list[np.ndarray] = []
     least = half.min()
-    while have < count:
+    while not kept or sum(map(len, kept)) < count:
         ball = rng.standard_normal((2 * count + 8, 3))
         ball /= np.linalg.norm(ball, axis=1, keepdims=True)
         stretch = np.linalg.norm(ball / half, axis=1) * least  # area element beside the greatest
-        taken = ball[rng.random(len(ball)) < stretch]
-        kept.append(taken * half)
-        across.append(taken / half)
-        have = max(have, 0) + len(taken)
-    normals = np.concatenate(across)[:count]
-    return np.concatenate(kept)[:count], normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        kept.append(ball[rng.random(len(ball)) < stretch])
+    ball = np.concatenate(kept)[:count]
+    normals = ball / half
+    return ball * half, normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def _rim(count: int, half: np.ndarray, rng: np.random.Generator) -> Drawn:

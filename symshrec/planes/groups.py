@@ -81,7 +81,7 @@ class PointGroup:
         return (RotationAxis(axes[0].direction, 0),) if self.continuous else axes
 
     def describe(self) -> str:
-        """One sentence or two, as the table of `symshrec detect` has it."""
+        """One sentence or two for people."""
         from symshrec.planes.wording import described  # which is of groups
 
         return described(self)
@@ -96,7 +96,7 @@ def point_group(
 ) -> PointGroup:
     """The point group that K mirror planes make, or would make with some that are missing.
 
-    Planes that all are mirrors of one group are told it: with all of the group's mirrors among them, or, at least about
+    Where all planes are mirrors of one group it is that: with all of the group's mirrors among them, or, at least about
     half of them found, with those that are missing. Else, six or more through one axis are a surface of revolution, and
     ten or more through one point a sphere; else the largest group that some of the planes make is given, and the others
     are outside.

@@ -26,18 +26,16 @@ from symshrec.methods.m4.settings import M4Settings
 from symshrec.planes import Planes, axis_angles
 from symshrec.runs.provenance import code_version
 
-ASSEMBLIES = 77  # the stream of random numbers that they are drawn from
-
 Labelled = tuple[np.ndarray, np.ndarray]  # features (K, F) of planes, and which are true (K,)
 # Degrees and percent of the diagonal: a plane is true below the first, and left out up to the second.
 TRUE, NEITHER = 1.5, 3.0
 SURFACE_TRUE, SURFACE_NEITHER = 1.2, 4.0
 BENT = "P15"
+ASSEMBLIES, ASSEMBLY_POINTS = 77, (300, 9000)  # the stream of random numbers that they are drawn from; least, most
 # An object is nearly symmetric if fewer of its points than this share are mirrored further off it than so much of its
 # diagonal.
 NEARLY, OFF = 0.2, 0.012
 MIRRORED, DENSE = 1500, 20_000  # points that are mirrored, and that stand for the object
-ASSEMBLY_POINTS = (300, 9000)
 
 
 def labelled_candidates(benchmark: BenchmarkConfig, clouds: int, perturbations: list[str]) -> Iterator[Labelled]:

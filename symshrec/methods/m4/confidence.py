@@ -5,6 +5,7 @@ from math import log
 import torch
 from torch import Tensor
 
+from symshrec.methods.fit.evening import EVEN
 from symshrec.methods.fit.judgement import Judgement
 
 FEWEST = 256  # points of the sparsest clouds calibrated on; fewer count as so many
@@ -17,7 +18,7 @@ SURFACE_NAMES = (
 SURE = 4.0  # logit by density beyond which more tells no more
 HOPELESS = -12.0  # and below which
 STRICT, ROOM = 8, 0.05  # misfit = log(1 + ROOM − support^STRICT · seen)
-EVEN, MOST_UNEVEN = 0.15, 0.6  # unevenness of an even sample of a few thousand points, and above it at most
+MOST_UNEVEN = 0.6  # above that of an even sample, beyond which more tells no more
 MOST_EXCESS, MOST_BEHIND = 0.3, 0.6  # beyond which more tells no more, since what is missing costs as much
 THIN, MOST_THICK = 0.4, 2.0  # count · spacing² of a surface at most; the most of its logarithm above that
 LEAST, MOST = -0.05, 0.3  # nats, between which a divergence tells

@@ -11,7 +11,7 @@ from torch import Tensor
 from symshrec.methods.fit.alignment import AlignmentSettings, aligned
 from symshrec.methods.fit.coupling import distinct
 from symshrec.methods.fit.density import Density
-from symshrec.methods.fit.evening import evened, unevenness
+from symshrec.methods.fit.evening import EVEN, evened, unevenness
 from symshrec.methods.fit.floor import without_floor
 from symshrec.methods.fit.frame import Frame, checked, frame_of
 from symshrec.methods.fit.judgement import Judge
@@ -28,7 +28,6 @@ from symshrec.planes import Planes
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
 SURE = 0.9  # confidence by density from which a plane is sure
-EVEN = 0.15  # unevenness up to which a cloud with a sure plane has no others, and surface is not asked
 ADDED, LIKELY, UNLIKELY = 0.89, 0.5, 0.3  # confidence of what surface adds to sure planes, at most; likely; unlikely
 LESSER, BESIDE = 0.07, 15.0  # value below a sure plane's, and degrees from one, at which a further plane is unlikely
 NOISY = 1.0  # count · spacing² of the evened cloud, beyond which its points fill a volume rather than a surface
@@ -65,7 +64,7 @@ class Observed:
 
     @property
     def settled(self) -> bool:
-        """Whether surface need not be asked."""
+        """Whether surface need not be asked: an even cloud with a sure plane has no others."""
         return self.sure and self.uneven <= EVEN
 
 
