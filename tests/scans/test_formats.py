@@ -1,4 +1,4 @@
-"""Every further format of points, from a file that another program wrote: the same points; one line for what is wrong."""
+"""Every further format of points, from a file of another program: the same points; one line for what is wrong."""
 
 import gzip
 import io
