@@ -49,7 +49,7 @@ def labelled_candidates(benchmark: BenchmarkConfig, clouds: int, perturbations: 
         frame = frame_of(cloud.points, settings.points)
         assert frame is not None  # a surface of the benchmark spreads in three directions
         with torch.inference_mode():
-            normals, offsets, divergences = DensitySearch(frame.points, settings).planes()
+            (normals, offsets, divergences), _ = DensitySearch(frame.points, settings).planes()
         errors = _errors(frame.planes(normals, offsets, divergences), cloud)
         clear = (errors < TRUE) | (errors > NEITHER)
         yield features(divergences, len(frame.points)).numpy()[clear], (errors < TRUE)[clear]
@@ -81,14 +81,14 @@ def _surface_labelled(cloud: LabelledCloud, clean: np.ndarray | None) -> Labelle
         seen = observed(cloud.points, settings)
         if seen is None or seen.settled:
             return np.zeros((0, len(SURFACE_NAMES))), np.zeros(0, dtype=bool)
-        normals, offsets, table, _ = surface_candidates(seen, settings)
-    planes = seen.frame.planes(normals, offsets, torch.ones(len(normals)))
+        found = surface_candidates(seen, settings)
+    planes = seen.frame.planes(found.normals, found.offsets, torch.ones(len(found.normals)))
     errors = _errors(planes, cloud)
     false = (errors > SURFACE_NEITHER) & (cloud.labels.perturbation != BENT)
     if clean is not None:
         false &= _mismatches(planes, clean) > NEARLY
     clear = (errors < SURFACE_TRUE) | false
-    return table.numpy()[clear], (errors < SURFACE_TRUE)[clear]
+    return found.features.numpy()[clear], (errors < SURFACE_TRUE)[clear]
 
 
 def calibrate(labelled: Iterable[Labelled], clouds: int, names: Sequence[str], seed: int, path: Path) -> None:
