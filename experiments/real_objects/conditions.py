@@ -101,7 +101,7 @@ def make(surface: MeshSurface, planes: Planes, nearly: Planes, object_name: str,
     bits = np.random.PCG64([zlib.crc32(object_name.encode()), zlib.crc32(name.encode())])
     rng = np.random.Generator(bits)
     chart = surface.draw(POINTS, rng)
-    turn = Rotation.random(rng=rng).as_matrix()
+    turn = Rotation.random(random_state=rng).as_matrix()
     scene = Scene(surface.points(chart), planes, surface, chart)
     if condition.towards is not None:
         rng = Aimed(np.array(condition.towards) @ axes_of(scene), bits)
