@@ -29,7 +29,7 @@ STARTS = (0, 2)  # the coarsest density from which planes ascend, tried one afte
 # confidence. Of M1's refined planes for validation clouds 99 % of the true ones have less than .05, 90 % of the others
 # more than .2. Of an uneven cloud, DOUBTFUL is of `value` below the best plane's.
 TIED, LIKELY, DOUBTFUL = 0.025, 0.1, 0.15
-PREFERRED = 0.02  # of value, by which an aligned plane may be worse, since it is the more exact
+PREFERRED = 1.02  # times its value an aligned plane counts, since it is the more exact
 MOST_TIED = 60  # planes; the relations of more would take too long
 FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a share of the cloud's size
 
@@ -131,9 +131,10 @@ def _by_surface(cloud: Neighbours, given: tuple[Tensor, Tensor], settings: Refin
     climbed = _ascended(judge.even, densities(judge.even), *given, settings.together)
     found = _aligned(cloud, *climbed, settings)
     before, between, after = (judge(*planes[:2]).value for planes in (given, climbed, found))
-    found = *_where(between > after + PREFERRED, climbed[:2], found), torch.maximum(between, after + PREFERRED)
-    worse = (found[2] <= before) | _far(found[:2], given)
-    normals, offsets = _where(worse, given, found[:2])
+    after = PREFERRED * after
+    found = _where(between > after, climbed[:2], found)
+    worse = (torch.maximum(between, after) <= before) | _far(found, given)
+    normals, offsets = _where(worse, given, found)
     return normals, offsets, -judge(normals, offsets).strict, worse
 
 
