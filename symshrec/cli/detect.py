@@ -11,14 +11,17 @@ from typing import cast
 
 from tqdm import tqdm
 
-from symshrec.cli.arguments import count, setting, share, whole
+from symshrec.cli.arguments import count, setting, share, tolerance, whole
 from symshrec.files.atomic import write_atomically
-from symshrec.geometry.residuals import mirror_residuals
+from symshrec.geometry.residuals import mirror_deviations, mismatch
+from symshrec.geometry.triangles import MeshSurface
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
+from symshrec.planes.groups import ANGLE_DEG
 from symshrec.scans import EXTENSIONS, MOST_SAMPLES, SAMPLES, read_cloud
 from symshrec.scans.example import EXAMPLE, write_example
-from symshrec.scans.report import Detection, as_json, as_table, printable
+from symshrec.scans.report import Detection, Measured, as_json, as_table, diagonal_of, printable
+from symshrec.scans.writing import write_shape
 
 STEM = "{stem}"
 PLOTS = (".png", ".html")
@@ -30,8 +33,8 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="symshrec detect",
         description="Find the mirror planes of clouds and meshes, in their own coordinates.",
-        epilog=f"Reads {', '.join(EXTENSIONS)}. With several files, OUT of --plot and --res holds {STEM}, the file's "
-        "name without its extension. A cloud without a mirror plane is an answer too: the exit status is 0.",
+        epilog=f"Reads {', '.join(EXTENSIONS)}. With several files, OUT of --plot, --res and --deviation holds {STEM}, "
+        "the file's name without its extension. A cloud without a mirror plane is an answer too: the exit status is 0.",
     )
     parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="clouds, or meshes to draw points on")
     parser.add_argument("--example", action="store_true", help=f"write {EXAMPLE}, a chair, here and detect on it too")
@@ -41,12 +44,22 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
     parser.add_argument("--max-planes", type=count, metavar="N", help="the N most confident at most (all)")
+    parser.add_argument(
+        "--group-deg", type=tolerance, default=ANGLE_DEG, help=f"that a plane may be off in a group ({ANGLE_DEG:g})"
+    )
+    parser.add_argument("--list", action="store_true", help="a line for each plane of a surface of revolution too")
     parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
     parser.add_argument("--seed", type=whole, default=0, help="of those points (0)")
     parser.add_argument(
         "--json", metavar="OUT", help="write all that was found; - to standard output, in place of tables"
     )
     parser.add_argument("--plot", metavar="OUT", help="draw cloud and planes; .png, or .html to turn in a browser")
+    parser.add_argument(
+        "--deviation", metavar="OUT", help="write the points with their signed distance from the mirror image; .ply"
+    )
+    parser.add_argument(
+        "--plane", type=count, default=1, metavar="N", help="that --deviation is to, by its number in the table (1)"
+    )
     parser.add_argument("--res", metavar="OUT", help="write the planes as the track's results, OUT_res.txt")
     return parser
 
@@ -72,7 +85,7 @@ def run(options: argparse.Namespace) -> None:
     _check(options, files)
     if options.example:
         write_example(Path(EXAMPLE))
-    detect, threshold = _detector(options)
+    detect, threshold = detector(options)
     found = Found(list(files))
     try:
         for path in tqdm(files, unit=" files", disable=None if len(files) > 1 else True):
@@ -93,7 +106,7 @@ def run(options: argparse.Namespace) -> None:
 def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Found, alone: bool) -> None:
     """Detect on one file and keep what comes of it: a detection, or the line that says why there is none."""
     try:
-        detection = detect_file(path, detect, options.samples, options.seed)
+        detection = detect_file(path, detect, options.samples, options.seed, options.group_deg)
         _write(detection, options)
     except Exception as error:  # whatever a file of a batch may do, the others are still to be done
         found.failures.append((path, _as_line(path, error)))
@@ -104,25 +117,34 @@ def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Fo
     for note in detection.cloud.notes:
         _say(f"{printable(path)}: {note}", sys.stderr)
     if options.json != "-":
-        _say(as_table(detection, threshold), sys.stdout)
+        _say(as_table(detection, threshold, options.list), sys.stdout)
 
 
-def detect_file(path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0) -> Detection:
-    """Read one file, detect, and measure residual and support of every plane; errors as `read_cloud` and `detect`."""
-    from symshrec.methods.fit.judgement import supports  # torch: see `_detector`
+def detect_file(
+    path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0, group_deg: float = ANGLE_DEG
+) -> Detection:
+    """Read one file, detect, measure every plane, and name their group; errors as `read_cloud` and `detect`."""
+    from symshrec.methods.fit.judgement import supports  # torch: see `detector`
 
     cloud = read_cloud(path, samples, seed)
-    planes = detect(cloud.points)
-    return Detection(path, cloud, planes, mirror_residuals(cloud.points, planes), supports(cloud.points, planes))
+    planes, diagonal = detect(cloud.points), diagonal_of(cloud.points)
+    group = planes.group(diagonal, group_deg)
+    mesh = MeshSurface(*cloud.mesh) if cloud.mesh and len(planes) else None
+    found, missing = (
+        Measured(each, residuals, supports(cloud.points, each), asymmetries)
+        for each in (planes, group.missing)
+        for residuals, asymmetries in [mismatch(cloud.points, each, mesh=mesh)]
+    )
+    return Detection(path, cloud, found, group, missing)
 
 
-def _detector(options: argparse.Namespace) -> tuple[Detect, float]:
-    """What finds the planes of points, and the least confidence of those that it gives."""
+def detector(options: argparse.Namespace) -> tuple[Detect, float]:
+    """What finds the planes of points, and the least confidence of those that it gives, by a command's options."""
     from symshrec.api import detect, named_method  # torch: after the arguments are known to be right
 
     method = named_method(options.method, **dict(options.set))
     threshold = method.count_threshold if options.min_confidence is None else options.min_confidence
-    finds = partial(detect, method=method, min_confidence=threshold, max_planes=options.max_planes)
+    finds = partial(detect, method=method, min_confidence=threshold, max_planes=getattr(options, "max_planes", None))
     return cast(Detect, finds), threshold  # of arrays: Planes
 
 
@@ -134,7 +156,7 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         raise ValueError(f"--samples {options.samples}: at most {MOST_SAMPLES:,} points are drawn on a mesh")
     if options.json and options.json != "-" and Path(options.json).is_dir():
         raise ValueError(f"--json {options.json} is a folder; name a file")
-    for name in ("plot", "res", "json"):
+    for name in ("plot", "res", "deviation", "json"):
         out = getattr(options, name)
         if out is None or out == "-":
             continue
@@ -142,7 +164,7 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
             raise ValueError(f"--{name} {out} is one file for {len(files)}; put {STEM} into its name")
         if not (folder := Path(out.replace(STEM, "")).parent).is_dir():
             raise ValueError(f"--{name} {out}: there is no folder {folder}; make it first")
-    if len(files) > 1 and (options.plot or options.res):
+    if len(files) > 1 and (options.plot or options.res or options.deviation):
         stems = [path.stem for path in files]
         twice = next((stem for stem in stems if stems.count(stem) > 1), None)
         if twice is not None:
@@ -151,12 +173,34 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         raise ValueError(f"--plot {options.plot}: unknown extension; draw to {' or '.join(PLOTS)}")
     if options.plot and Path(options.plot).suffix.lower() == ".html" and not find_spec("plotly"):
         raise ValueError("--plot to html needs plotly: pip install 'symshrec[plot]', or draw to .png")
+    if options.deviation:
+        _check_deviation(options.deviation, files)
     if options.res and not options.res.endswith(".txt"):
         raise ValueError(f"--res {options.res}: the track's results are called OUT_res.txt")
 
 
+def _check_deviation(out: str, files: list[Path]) -> None:
+    if Path(out).suffix.lower() != ".ply":
+        raise ValueError(f"--deviation {out}: unknown extension; points with their deviation are written to .ply")
+    outs = [Path(out.replace(STEM, path.stem)) for path in files]
+    if any(each.exists() and path.exists() and each.samefile(path) for each in outs for path in files):
+        raise ValueError(f"--deviation {out} is a file that is read; name another one to write")
+
+
+def _write_deviation(detection: Detection, out: Path, plane: int) -> None:
+    """The cloud's points with the signed distance of each from the mirror image, as the property `deviation`."""
+    if plane > len(detection.planes):
+        raise ValueError(f"--plane {plane}: {len(detection.planes)} planes were found, numbered from 1")
+    cloud = detection.cloud
+    mesh = MeshSurface(*cloud.mesh) if cloud.mesh else None
+    (deviations,) = mirror_deviations(cloud.points, detection.planes[plane - 1], mesh)
+    write_shape(out, cloud.points, values={"deviation": deviations})
+
+
 def _write(detection: Detection, options: argparse.Namespace) -> None:
     stem = detection.path.stem
+    if options.deviation:
+        _write_deviation(detection, Path(options.deviation.replace(STEM, stem)), options.plane)
     if options.res:
         from symshrec.benchmark.official import write_results
 

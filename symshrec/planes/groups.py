@@ -164,8 +164,12 @@ def _group(name: str, fit: Alignment, planes: Planes, angle_deg: float) -> Point
     normals = fit.normals[fit.missing]
     signs = np.sign(np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1))
     missing = Planes(normals * signs + 0.0, places, np.zeros(len(places)))
-    rows = (tuple(np.flatnonzero(each).tolist()) for each in (inside, ~inside))
+    rows = _places(inside), _places(~inside)
     return PointGroup(name, *rows, missing, fit.centre, fit.normals, np.degrees(fit.angle), fit.distance, angle_deg)
+
+
+def _places(chosen: np.ndarray) -> tuple[int, ...]:
+    return tuple(np.flatnonzero(chosen).tolist())
 
 
 def _revolution(planes: Planes, angle: float, limit: float, angle_deg: float) -> PointGroup | None:
@@ -192,7 +196,7 @@ def _revolution(planes: Planes, angle: float, limit: float, angle_deg: float) ->
             return None
     if name == "D∞h" and not (across & inside).any():
         name = "C∞v"
-    rows = (tuple(np.flatnonzero(each).tolist()) for each in (inside, ~inside))
+    rows = _places(inside), _places(~inside)
     off = np.degrees(np.arcsin(np.abs(normals - (normals * ideal).sum(1)[:, None] * ideal)[inside].max().clip(max=1)))
     turned = mirrors(CONTINUOUS[name]).normals @ _frame(axis).T
     return PointGroup(name, *rows, Planes.empty(), centre, turned, float(off), float(distances.max()), angle_deg)
