@@ -5,9 +5,10 @@ from copy import copy
 import numpy as np
 from scipy.spatial import cKDTree
 
-SAMPLES = 100_000  # points on the surface, beside every triangle's corners and middle, that lead to triangles
-CANDIDATES = 8  # of those, nearest to a point, whose triangles are measured
-BLOCK = 50_000  # points measured at once
+FINENESS = 150  # pieces are no longer than such a part of the mesh's diagonal
+CANDIDATES = (12, 48, 192)  # pieces next to a point that are measured, more where a nearer one could be left out
+ON_IT = 1e-6  # of the diagonal: what is as near as this is on the surface, and nothing nearer is looked for
+BLOCK = 20_000  # points measured at once
 
 
 class MeshSurface:
@@ -24,14 +25,12 @@ class MeshSurface:
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
         self.corners = vertices[triangles]  # (F, 3, 3)
-        edges = self.corners[:, 1:] - self.corners[:, :1]
-        areas = np.cumsum(np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1))
-        rng, faces = np.random.default_rng(0), np.arange(len(triangles))
-        drawn = np.searchsorted(areas, rng.random(SAMPLES) * areas[-1]).clip(max=len(faces) - 1)
-        weights = rng.dirichlet(np.ones(3), SAMPLES)
-        places = np.einsum("nc,ncd->nd", weights, self.corners[drawn])
-        self.tree = cKDTree(np.concatenate([places, self.corners.mean(axis=1), self.corners.reshape(-1, 3)]))
-        self.faces = np.concatenate([drawn, faces, np.repeat(faces, 3)])
+        diagonal = np.linalg.norm(np.ptp(self.corners.reshape(-1, 3), axis=0))
+        self.least = ON_IT * diagonal
+        pieces, self.faces = _pieces(self.corners, diagonal / FINENESS)
+        middles = pieces.mean(axis=1)
+        self.reach = float(np.linalg.norm(pieces - middles[:, None], axis=2).max())
+        self.tree = cKDTree(middles)
 
     def moved(self, shift: np.ndarray) -> "MeshSurface":
         """The same mesh, moved by `shift` (3,)."""
@@ -43,14 +42,36 @@ class MeshSurface:
         """Where on the surface (N, 3) points are nearest to: feet (N, 3), distances (N,) and triangles (N,)."""
         feet, faces = np.empty((len(queries), 3)), np.empty(len(queries), dtype=np.int64)
         for start in range(0, len(queries), BLOCK):
-            block = queries[start : start + BLOCK]
-            candidates = self.faces[self.tree.query(block, k=CANDIDATES)[1]]  # (n, k)
-            places = on_triangles(np.repeat(block, CANDIDATES, axis=0), self.corners[candidates.ravel()])
-            places = places.reshape(len(block), CANDIDATES, 3)
-            best = np.linalg.norm(places - block[:, None], axis=2).argmin(axis=1)
-            rows = np.arange(len(block))
-            feet[start : start + BLOCK], faces[start : start + BLOCK] = places[rows, best], candidates[rows, best]
+            open_rows = np.arange(start, min(start + BLOCK, len(queries)))
+            for count in (min(count, self.tree.n) for count in CANDIDATES):
+                block = queries[open_rows]
+                ways, pieces = self.tree.query(block, k=np.arange(1, count + 1))
+                candidates = self.faces[pieces]  # (n, count)
+                places = on_triangles(np.repeat(block, count, axis=0), self.corners[candidates.ravel()])
+                places = places.reshape(len(block), count, 3)
+                lengths, rows = np.linalg.norm(places - block[:, None], axis=2), np.arange(len(block))
+                best = lengths.argmin(axis=1)
+                feet[open_rows], faces[open_rows] = places[rows, best], candidates[rows, best]
+                lengths = lengths[rows, best]
+                open_rows = open_rows[(lengths > self.least) & (ways[:, -1] - self.reach < lengths)]
+                if not len(open_rows):
+                    break
         return feet, np.linalg.norm(queries - feet, axis=1), faces
+
+
+def _pieces(corners: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (F, 3, 3) halved across their longest edge until none is longer: (P, 3, 3), and of which each is (P,)."""
+    faces, done = np.arange(len(corners)), []
+    while len(corners):
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)  # of the edge after each corner
+        long = lengths.max(axis=1) > longest
+        done.append((corners[~long], faces[~long]))
+        corners, faces = corners[long], faces[long]
+        turn = (lengths[long].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(corners, turn[:, :, None], axis=1).swapaxes(0, 1)
+        middle = (a + b) / 2
+        corners, faces = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)]), np.tile(faces, 2)
+    return np.concatenate([each for each, _ in done]), np.concatenate([each for _, each in done])
 
 
 def on_triangles(queries: np.ndarray, corners: np.ndarray) -> np.ndarray:
