@@ -3,12 +3,13 @@
 import argparse
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
 
+import numpy as np
 from tqdm import tqdm
 
 from symshrec.cli.arguments import count, setting, share, tolerance, whole
@@ -55,10 +56,13 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--plot", metavar="OUT", help="draw cloud and planes; .png, or .html to turn in a browser")
     parser.add_argument(
+        "--colour", choices=("plain", "deviation"), default="plain", help="of the points in --plot (plain)"
+    )
+    parser.add_argument(
         "--deviation", metavar="OUT", help="write the points with their signed distance from the mirror image; .ply"
     )
     parser.add_argument(
-        "--plane", type=count, default=1, metavar="N", help="that --deviation is to, by its number in the table (1)"
+        "--plane", type=count, default=1, metavar="N", help="that deviations are to, by its number in the table (1)"
     )
     parser.add_argument("--res", metavar="OUT", help="write the planes as the track's results, OUT_res.txt")
     return parser
@@ -187,37 +191,49 @@ def _check_deviation(out: str, files: list[Path]) -> None:
         raise ValueError(f"--deviation {out} is a file that is read; name another one to write")
 
 
-def _write_deviation(detection: Detection, out: Path, plane: int) -> None:
-    """The cloud's points with the signed distance of each from the mirror image, as the property `deviation`."""
-    if plane > len(detection.planes):
-        raise ValueError(f"--plane {plane}: {len(detection.planes)} planes were found, numbered from 1")
-    cloud = detection.cloud
-    mesh = MeshSurface(*cloud.mesh) if cloud.mesh else None
-    (deviations,) = mirror_deviations(cloud.points, detection.planes[plane - 1], mesh)
-    write_shape(out, cloud.points, values={"deviation": deviations})
+def _chosen(detection: Detection, number: int) -> Planes:
+    """The plane of a number, from 1 on."""
+    if number > len(detection.planes):
+        raise ValueError(f"--plane {number}: {len(detection.planes)} planes were found, numbered from 1")
+    return detection.planes[number - 1]
+
+
+def _deviations(detection: Detection, planes: Planes) -> np.ndarray:
+    """Of the cloud's points from their mirror images, signed: (K, N)."""
+    mesh = MeshSurface(*detection.cloud.mesh) if detection.cloud.mesh else None
+    return mirror_deviations(detection.cloud.points, planes, mesh)
 
 
 def _write(detection: Detection, options: argparse.Namespace) -> None:
     stem = detection.path.stem
     if options.deviation:
-        _write_deviation(detection, Path(options.deviation.replace(STEM, stem)), options.plane)
+        (deviations,) = _deviations(detection, _chosen(detection, options.plane))
+        out = Path(options.deviation.replace(STEM, stem))
+        write_shape(out, detection.cloud.points, values={"deviation": deviations})
     if options.res:
         from symshrec.benchmark.official import write_results
 
         write_results(Path(options.res.replace(STEM, stem)), detection.planes)
     if options.plot:
-        out = Path(options.plot.replace(STEM, stem))
-        if out.suffix.lower() == ".html":
-            from symshrec.reporting.figures.page import cloud_page
+        _plot(detection, Path(options.plot.replace(STEM, stem)), options)
 
-            content = cloud_page(
-                detection.cloud.points, detection.planes, title=printable(detection.path.name)
-            ).encode()
-        else:
-            from symshrec.reporting.figures.drawing import cloud_picture
 
-            content = cloud_picture(detection.cloud.points, detection.planes)
-        write_atomically(out, content, sync=False)
+def _plot(detection: Detection, out: Path, options: argparse.Namespace) -> None:
+    from symshrec.reporting.figures.detection import Found, picture
+
+    cloud, planes, mapped = detection.cloud, detection.planes, options.colour == "deviation"
+    found = Found(cloud.points, planes, cloud.mesh, detection.group)
+    if out.suffix.lower() == ".html":
+        from symshrec.reporting.figures.page import MAPPED, cloud_page
+
+        deviations = _deviations(detection, planes[:MAPPED]) if mapped else None
+        content = cloud_page(found, printable(detection.path.name), deviations).encode()
+    else:
+        if mapped:
+            (deviations,) = _deviations(detection, _chosen(detection, options.plane))
+            found = replace(found, deviations=deviations, number=options.plane)
+        content = picture(found)
+    write_atomically(out, content, sync=False)
 
 
 def _as_line(path: Path, error: Exception) -> str:

@@ -11,9 +11,12 @@ from symshrec.benchmark.official import OfficialFolder, read_planes, read_result
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli.arguments import whole
 from symshrec.cli.sources import holds_shards, open_results, warnings_as_lines
+from symshrec.geometry.residuals import mirror_deviations
 from symshrec.planes import Planes
 from symshrec.scans import read_cloud
+from symshrec.scans.polygons import Mesh
 
+MAPPED = 8  # predicted planes that the points' deviations are shown to
 SHARDS_SPLIT = "test"  # as `symshrec score`
 
 
@@ -21,8 +24,8 @@ def parser() -> argparse.ArgumentParser:
     """The arguments of `symshrec view`."""
     parser = argparse.ArgumentParser(
         prog="symshrec view",
-        description="Look at a cloud with its true planes (blue) and predicted planes (vermilion). Needs Polyscope: "
-        "pip install 'symshrec[view]'.",
+        description="Look at a cloud with its true planes (blue) and predicted planes (vermilion, or of "
+        "several colours where no true ones are known). Needs Polyscope: pip install 'symshrec[view]'.",
     )
     parser.add_argument(
         "source", type=Path, help="shards, a folder of the track's or its successor's, or a cloud's file"
@@ -46,17 +49,19 @@ def run(options: argparse.Namespace) -> None:
     for planes, what in ((scene.planes, "true"), (scene.predicted, "predicted")):
         parts.append(f"{what} planes unknown" if planes is None else f"{len(planes)} {what} planes")
     print(f"{scene.name}: {', '.join(parts)}", file=sys.stderr)
-    show(scene.points, scene.planes, scene.predicted, scene.name)
+    deviations = None if scene.predicted is None else mirror_deviations(scene.points, scene.predicted[:MAPPED])
+    show(scene.points, scene.planes, scene.predicted, scene.name, scene.mesh, deviations)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is looked at: points (N, 3), and its planes where they are known."""
+    """What is looked at: points (N, 3), the mesh that they are of, and the planes where they are known."""
 
     name: str
     points: np.ndarray
     planes: Planes | None
     predicted: Planes | None
+    mesh: Mesh | None = None
 
 
 def open_scene(source: Path, cloud: int | None, split: str | None, predictions: Path | None) -> Scene:
@@ -96,7 +101,8 @@ def _file_scene(source: Path, predictions: Path | None) -> Scene:
         print(f"{source}: {note}", file=sys.stderr)
     if predictions is not None and predictions.suffix != ".txt":
         raise ValueError(f"{predictions}: a single file's predictions are its *_res.txt; write it with detect --res")
-    return Scene(source.name, found.points, planes, None if predictions is None else read_results(predictions))
+    predicted = None if predictions is None else read_results(predictions)
+    return Scene(source.name, found.points, planes, predicted, found.mesh)
 
 
 def _predicted(predictions: Path | None, cloud: int) -> Planes | None:

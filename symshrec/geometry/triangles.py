@@ -25,7 +25,7 @@ class MeshSurface:
 
     def __init__(self, vertices: np.ndarray, triangles: np.ndarray):
         self.corners = vertices[triangles]  # (F, 3, 3)
-        diagonal = np.linalg.norm(np.ptp(self.corners.reshape(-1, 3), axis=0))
+        diagonal = float(np.linalg.norm(np.ptp(self.corners.reshape(-1, 3), axis=0)))
         self.least = ON_IT * diagonal
         pieces, self.faces = _pieces(self.corners, diagonal / FINENESS)
         middles = pieces.mean(axis=1)
@@ -60,7 +60,7 @@ class MeshSurface:
 
 
 def _pieces(corners: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles (F, 3, 3) halved across their longest edge until none is longer: (P, 3, 3), and of which each is (P,)."""
+    """Triangles (F, 3, 3) halved across their longest edge until none is longer: (P, 3, 3), and whose they are (P,)."""
     faces, done = np.arange(len(corners)), []
     while len(corners):
         lengths = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)  # of the edge after each corner
