@@ -6,6 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ready
 INSTALL := $(BIN)/python -m pip install --quiet --no-deps --no-build-isolation
+# ALL=1 adds the refined rows and the oracle's.
+ALL ?=
 # The data of P6–P9 that stands beside this scale's tables; data.hard of conf/data says so too.
 HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
 # Likewise of P10–P15.
@@ -47,12 +49,9 @@ data: setup
 	$(BIN)/symshrec generate data=$(HARD) workers=$(WORKERS)
 	$(BIN)/symshrec generate data=$(SCAN) workers=$(WORKERS)
 
-tables: data
-	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCALE) method.workers=$(WORKERS)
-	$(BIN)/symshrec evaluate --multirun sweep=refined data=$(SCALE) method.workers=$(WORKERS)
-	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(HARD) method.workers=$(WORKERS)
-	$(BIN)/symshrec evaluate --multirun sweep=tables data=$(SCAN) method.workers=$(WORKERS)
-	$(BIN)/symshrec tables data=$(SCALE)
+# Data, all rows and the tables in one process, which says how long it will take and goes on where it was.
+tables: setup
+	$(BIN)/symshrec reproduce data=$(SCALE) rows.all=$(if $(ALL),true,false) workers=$(WORKERS) method.workers=$(WORKERS)
 
 # Copies what `make tables` wrote under runs/ into results/, which git keeps.
 publish: setup

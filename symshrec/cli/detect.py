@@ -12,19 +12,21 @@ from typing import cast
 import numpy as np
 from tqdm import tqdm
 
+from symshrec.cli import EXIT_STATUSES
 from symshrec.cli.arguments import count, setting, share, tolerance, whole
+from symshrec.cli.colours import BOLD, RED, painted
+from symshrec.cli.outputs import STEM, out_path
 from symshrec.files.atomic import write_atomically
 from symshrec.geometry.residuals import mirror_deviations, mismatch
 from symshrec.geometry.triangles import MeshSurface
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
 from symshrec.planes.groups import ANGLE_DEG
-from symshrec.scans import EXTENSIONS, MOST_SAMPLES, SAMPLES, read_cloud
+from symshrec.scans import MOST_SAMPLES, SAMPLES, STDIN, listed, read_cloud, stem_of
 from symshrec.scans.example import EXAMPLE, write_example
-from symshrec.scans.report import Detection, Measured, as_json, as_table, diagonal_of, printable
+from symshrec.scans.report import Detection, Measured, as_json, as_table, diagonal_of, printable, shown
 from symshrec.scans.writing import write_shape
 
-STEM = "{stem}"
 PLOTS = (".png", ".html")
 Detect = Callable[..., Planes]
 
@@ -34,10 +36,13 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="symshrec detect",
         description="Find the mirror planes of clouds and meshes, in their own coordinates.",
-        epilog=f"Reads {', '.join(EXTENSIONS)}. With several files, OUT of --plot, --res and --deviation holds {STEM}, "
-        "the file's name without its extension. A cloud without a mirror plane is an answer too: the exit status is 0.",
+        epilog=f"Reads {listed()}. With several files, OUT of --plot, --res and --deviation holds {STEM}, the file's "
+        f"name without its extension; folders are made. {EXIT_STATUSES} A cloud without a mirror plane is an answer "
+        "too: 0. Of several files, those that can be read are done, and one that cannot makes it 2.",
     )
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="clouds, or meshes to draw points on")
+    parser.add_argument(
+        "files", nargs="*", type=Path, metavar="FILE", help="clouds, or meshes to draw points on; - for standard input"
+    )
     parser.add_argument("--example", action="store_true", help=f"write {EXAMPLE}, a chair, here and detect on it too")
     parser.add_argument("--method", default=DEFAULT, help=f"one of conf/method ({DEFAULT})")
     parser.add_argument(
@@ -115,13 +120,13 @@ def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Fo
     except Exception as error:  # whatever a file of a batch may do, the others are still to be done
         found.failures.append((path, _as_line(path, error)))
         if not alone:
-            _say(f"symshrec detect: {found.failures[-1][1]}", sys.stderr)
+            _say(f"{painted('symshrec detect:', RED, sys.stderr)} {found.failures[-1][1]}", sys.stderr)
         return
     found.detections.append(detection)
     for note in detection.cloud.notes:
-        _say(f"{printable(path)}: {note}", sys.stderr)
+        _say(f"{shown(path)}: {note}", sys.stderr)
     if options.json != "-":
-        _say(as_table(detection, threshold, options.list), sys.stdout)
+        _say(as_table(detection, threshold, options.list, lambda text: painted(text, BOLD, sys.stdout)), sys.stdout)
 
 
 def detect_file(
@@ -160,16 +165,14 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         raise ValueError(f"--samples {options.samples}: at most {MOST_SAMPLES:,} points are drawn on a mesh")
     if options.json and options.json != "-" and Path(options.json).is_dir():
         raise ValueError(f"--json {options.json} is a folder; name a file")
-    for name in ("plot", "res", "deviation", "json"):
+    if files.count(STDIN) > 1:
+        raise ValueError("standard input, -, can be read once; name it once")
+    for name in ("plot", "res", "deviation"):
         out = getattr(options, name)
-        if out is None or out == "-":
-            continue
-        if name != "json" and len(files) > 1 and STEM not in out:
+        if out and len(files) > 1 and STEM not in out:
             raise ValueError(f"--{name} {out} is one file for {len(files)}; put {STEM} into its name")
-        if not (folder := Path(out.replace(STEM, "")).parent).is_dir():
-            raise ValueError(f"--{name} {out}: there is no folder {folder}; make it first")
     if len(files) > 1 and (options.plot or options.res or options.deviation):
-        stems = [path.stem for path in files]
+        stems = [stem_of(path) for path in files]
         twice = next((stem for stem in stems if stems.count(stem) > 1), None)
         if twice is not None:
             raise ValueError(f"several files are called {twice}; detect on one at a time, or rename one")
@@ -181,12 +184,16 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         _check_deviation(options.deviation, files)
     if options.res and not options.res.endswith(".txt"):
         raise ValueError(f"--res {options.res}: the track's results are called OUT_res.txt")
+    for name in ("plot", "res", "deviation", "json"):
+        out = getattr(options, name)
+        if out and out != "-" and STEM not in str(Path(out).parent):  # others with the file that they are of
+            out_path(name, out, files[0])
 
 
 def _check_deviation(out: str, files: list[Path]) -> None:
     if Path(out).suffix.lower() != ".ply":
         raise ValueError(f"--deviation {out}: unknown extension; points with their deviation are written to .ply")
-    outs = [Path(out.replace(STEM, path.stem)) for path in files]
+    outs = [Path(out.replace(STEM, stem_of(path))) for path in files]
     if any(each.exists() and path.exists() and each.samefile(path) for each in outs for path in files):
         raise ValueError(f"--deviation {out} is a file that is read; name another one to write")
 
@@ -205,17 +212,16 @@ def _deviations(detection: Detection, planes: Planes) -> np.ndarray:
 
 
 def _write(detection: Detection, options: argparse.Namespace) -> None:
-    stem = detection.path.stem
     if options.deviation:
         (deviations,) = _deviations(detection, _chosen(detection, options.plane))
-        out = Path(options.deviation.replace(STEM, stem))
+        out = out_path("deviation", options.deviation, detection.path)
         write_shape(out, detection.cloud.points, values={"deviation": deviations})
     if options.res:
         from symshrec.benchmark.official import write_results
 
-        write_results(Path(options.res.replace(STEM, stem)), detection.planes)
+        write_results(out_path("res", options.res, detection.path), detection.planes)
     if options.plot:
-        _plot(detection, Path(options.plot.replace(STEM, stem)), options)
+        _plot(detection, out_path("plot", options.plot, detection.path), options)
 
 
 def _plot(detection: Detection, out: Path, options: argparse.Namespace) -> None:
@@ -227,7 +233,7 @@ def _plot(detection: Detection, out: Path, options: argparse.Namespace) -> None:
         from symshrec.reporting.figures.page import MAPPED, cloud_page
 
         deviations = _deviations(detection, planes[:MAPPED]) if mapped else None
-        content = cloud_page(found, printable(detection.path.name), deviations).encode()
+        content = cloud_page(found, shown(Path(detection.path.name)), deviations).encode()
     else:
         if mapped:
             (deviations,) = _deviations(detection, _chosen(detection, options.plane))
@@ -243,8 +249,8 @@ def _as_line(path: Path, error: Exception) -> str:
         text = "it needs more memory than there is"
     elif not isinstance(error, ValueError | OSError | RuntimeError) or not text:
         text = f"{kind}: {text}" if text else kind  # of no kind that a reader or a method should raise
-    name = printable(path)
-    text = printable(text.replace(str(path), name))
+    name = shown(path)
+    text = printable(text if path == STDIN else text.replace(str(path), name))
     return text if name in text else f"{name}: {text}"
 
 

@@ -9,11 +9,12 @@ import numpy as np
 
 from symshrec.benchmark.official import OfficialFolder, read_planes, read_results
 from symshrec.benchmark.shards import ShardedSplit
+from symshrec.cli import EXIT_STATUSES
 from symshrec.cli.arguments import whole
 from symshrec.cli.sources import holds_shards, open_results, warnings_as_lines
 from symshrec.geometry.residuals import mirror_deviations
 from symshrec.planes import Planes
-from symshrec.scans import read_cloud
+from symshrec.scans import STDIN, STDIN_NAME, listed, read_cloud, stem_of
 from symshrec.scans.polygons import Mesh
 
 MAPPED = 8  # predicted planes that the points' deviations are shown to
@@ -26,6 +27,7 @@ def parser() -> argparse.ArgumentParser:
         prog="symshrec view",
         description="Look at a cloud with its true planes (blue) and predicted planes (vermilion, or of "
         "several colours where no true ones are known). Needs Polyscope: pip install 'symshrec[view]'.",
+        epilog=f"A file of a cloud or mesh is read as by detect: {listed()}. {EXIT_STATUSES}",
     )
     parser.add_argument(
         "source", type=Path, help="shards, a folder of the track's or its successor's, or a cloud's file"
@@ -50,7 +52,10 @@ def run(options: argparse.Namespace) -> None:
         parts.append(f"{what} planes unknown" if planes is None else f"{len(planes)} {what} planes")
     print(f"{scene.name}: {', '.join(parts)}", file=sys.stderr)
     deviations = None if scene.predicted is None else mirror_deviations(scene.points, scene.predicted[:MAPPED])
-    show(scene.points, scene.planes, scene.predicted, scene.name, scene.mesh, deviations)
+    middle = np.min(scene.points, axis=0) + np.ptp(scene.points, axis=0) / 2  # the window draws in single precision
+    planes, predicted = (each and each.transformed(translation=-middle) for each in (scene.planes, scene.predicted))
+    mesh = scene.mesh and Mesh(scene.mesh.vertices - middle, scene.mesh.triangles)
+    show(scene.points - middle, planes, predicted, scene.name, mesh, deviations)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,15 +99,15 @@ def open_scene(source: Path, cloud: int | None, split: str | None, predictions: 
 
 
 def _file_scene(source: Path, predictions: Path | None) -> Scene:
-    truth = source.with_name(f"{source.stem}_sym.txt")
+    truth, name = source.with_name(f"{stem_of(source)}_sym.txt"), STDIN_NAME if source == STDIN else source.name
     planes = read_planes(truth) if truth.exists() else None
     found = read_cloud(source)
     for note in found.notes:
-        print(f"{source}: {note}", file=sys.stderr)
+        print(f"{STDIN_NAME if source == STDIN else source}: {note}", file=sys.stderr)
     if predictions is not None and predictions.suffix != ".txt":
         raise ValueError(f"{predictions}: a single file's predictions are its *_res.txt; write it with detect --res")
     predicted = None if predictions is None else read_results(predictions)
-    return Scene(source.name, found.points, planes, predicted, found.mesh)
+    return Scene(name, found.points, planes, predicted, found.mesh)
 
 
 def _predicted(predictions: Path | None, cloud: int) -> Planes | None:

@@ -5,6 +5,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -16,6 +17,23 @@ from symshrec.planes import Planes
 Find = Callable[[Any, Any], Planes]  # (points (N, 3), settings); a function of a module, to be sent by name
 
 _shared: tuple = ()  # in a worker process, what it was given at its start
+_kept: dict[int, ProcessPoolExecutor] | None = None  # within `kept_processes`, by number of workers
+
+
+@contextmanager
+def kept_processes() -> Iterator[None]:
+    """Within, pools without shared arguments use the same processes, one pool after the other, until the end.
+
+    Each row of the tables would otherwise start its own, which takes seconds where they import PyTorch.
+    """
+    global _kept
+    before, _kept = _kept, {}
+    try:
+        yield
+    finally:
+        for executor in _kept.values():
+            executor.shutdown(cancel_futures=True)
+        _kept = before
 
 
 class WorkerDiedError(RuntimeError):
@@ -70,16 +88,23 @@ class ProcessPool:
                 yield future.result()
         except BrokenExecutor as error:
             finished = {place for place, each in enumerate(futures) if each.done() and not each.exception()}
-            self.close()
+            self._end()
             raise WorkerDiedError([place for place in range(len(jobs)) if place not in finished]) from error
         except BaseException:
-            self.close()
+            self._end()
             raise
 
     def close(self) -> None:
-        """End the processes after the jobs that they are at; the next call would start new ones."""
+        """End the processes after their jobs, unless they are kept; the next call would start new ones."""
+        if self._executor is not None and self._executor in (_kept or {}).values():
+            self._executor = None
+        self._end()
+
+    def _end(self) -> None:
         if self._executor is not None:
             self._executor.shutdown(cancel_futures=True)
+            if _kept and _kept.get(self.workers) is self._executor:
+                del _kept[self.workers]
             self._executor = None
 
     def __enter__(self) -> "ProcessPool":
@@ -89,9 +114,13 @@ class ProcessPool:
         self.close()
 
     def _running(self) -> ProcessPoolExecutor:
+        if self._executor is None and _kept is not None and not self.shared:
+            self._executor = _kept.get(self.workers)
         if self._executor is None:
             context = multiprocessing.get_context("spawn")  # a fork would copy the locks that torch's threads may hold
             self._executor = ProcessPoolExecutor(self.workers, context, initializer=_start, initargs=self.shared)
+            if _kept is not None and not self.shared:
+                _kept[self.workers] = self._executor
         return self._executor
 
 

@@ -99,8 +99,8 @@ def mirror_deviations(points: np.ndarray, planes: Planes, mesh: MeshSurface | No
     >>> x, y = (grid.ravel() for grid in np.meshgrid(np.r_[-9:-1, 2:10], np.arange(9)))
     >>> table = np.stack([x, y, 0.5 * (x > 0)], 1)
     >>> left, right = (mirror_deviations(table, Planes([[1, 0, 0]], [[0, 0, 0]]))[0][side] for side in (x < 0, x > 0))
-    >>> np.abs(left).round(9).max(), np.abs(right).round(9).max()
-    (np.float64(0.5), np.float64(0.5))
+    >>> float(np.abs(left).round(9).max()), float(np.abs(right).round(9).max())
+    (0.5, 0.5)
     """
     points = _checked(points)
     centre = points.mean(axis=0)

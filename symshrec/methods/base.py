@@ -1,7 +1,7 @@
 """What every method is: a LightningModule that turns clouds into planes, with the only test step there is."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 
 from lightning import LightningModule
 from torch import Tensor
@@ -29,6 +29,8 @@ class SymmetryMethod(LightningModule):
             that states none, they are known by its source code.
         oracle: whether it is given the true planes: tables show it as a limit to hold the others against, and never as
             the best of them.
+        shelf: where runs over the same clouds that differ in a few settings leave for each other what does not depend
+            on these, by position of the cloud; None where there is no such other run.
     """
 
     name: str
@@ -45,6 +47,7 @@ class SymmetryMethod(LightningModule):
         self.test_metric: SymmetryMetric | None = None
         self.known: Mapping[int, Planes] = {}
         self.detected: Mapping[int, Planes] = {}
+        self.shelf: MutableMapping | None = None
 
     @property
     def count_threshold(self) -> float:

@@ -12,7 +12,7 @@ ALL = "all"
 
 
 class GroupScore(NamedTuple):
-    """One value of one metric over one group of clouds at one tolerance pair."""
+    """One value of one metric over one group of clouds at one tolerance pair, and its standard error."""
 
     metric: str
     group: str
@@ -20,6 +20,7 @@ class GroupScore(NamedTuple):
     epsilon: float
     value: float
     clouds: int
+    standard_error: float
 
 
 def group_masks(labels: Sequence[Labels]) -> dict[str, np.ndarray]:
@@ -53,15 +54,16 @@ def grouped(scores: Scores, labels: Sequence[Labels]) -> list[GroupScore]:
     >>> from symshrec.planes import PackedPlanes, Planes
     >>> planes = PackedPlanes.pack([Planes([[1, 0, 0]], [[0, 0, 0]])])
     >>> grouped(evaluate(planes, planes, diagonals=[1.0]), [Labels()])[0]
-    GroupScore(metric='mAP', group='all', theta_deg=1.0, epsilon=0.01, value=1.0, clouds=1)
+    GroupScore(metric='mAP', group='all', theta_deg=1.0, epsilon=0.01, value=1.0, clouds=1, standard_error=0.0)
     """
     if len(scores) != len(labels):
         raise ValueError(f"scores of {len(scores)} clouds and labels of {len(labels)} do not belong together")
     rows = []
     for group, mask in group_masks(labels).items():
-        clouds = int(mask.sum())
+        clouds, errors = int(mask.sum()), scores.standard_errors(mask)
         for metric, grid in scores.means(mask).items():
             for (theta, epsilon), value in np.ndenumerate(grid):
                 tolerance = float(scores.thetas_deg[theta]), float(scores.epsilons[epsilon])
-                rows.append(GroupScore(metric, group, *tolerance, float(value), clouds))
+                error = float(errors[metric][theta, epsilon])
+                rows.append(GroupScore(metric, group, *tolerance, float(value), clouds, error))
     return rows

@@ -5,6 +5,7 @@ good guess per cloud scores 1; recall-aware AP divides the same sum by the numbe
 the number of planes is right; count accuracy does.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,13 +49,26 @@ class Scores:
         Raises:
             ValueError: where no cloud is left to average over.
         """
+        return {name: values.mean(axis=-1) for name, values in self._per_cloud(mask)}
+
+    def standard_errors(self, mask=None) -> dict[str, np.ndarray]:
+        """How far chance moves each of these means where n clouds are drawn: (T, E), the standard deviation over √n.
+
+        The deviation is that of n − 1 degrees of freedom; 0 for a single cloud. Errors as in `means`.
+        """
+        return {
+            name: values.std(axis=-1) / np.sqrt(max(values.shape[-1] - 1, 1)) for name, values in self._per_cloud(mask)
+        }
+
+    def _per_cloud(self, mask) -> Iterator[tuple[str, np.ndarray]]:
+        """Every metric of the clouds of `mask`: (T, E, n)."""
         mask = slice(None) if mask is None else mask
         if not len(self.true_counts[mask]):
             raise ValueError("no cloud to average over; check the filter or the subset")
         per_cloud = (self.average_precision, self.phc, self.recall_aware_ap, self.recall, self.count_correct)
-        shape = self.phc.shape[:2]
-        averages = (np.broadcast_to(values[..., mask].mean(axis=-1), shape) for values in per_cloud)
-        return dict(zip(METRICS, averages, strict=True))
+        shape = self.phc.shape
+        for name, values in zip(METRICS, per_cloud, strict=True):
+            yield name, np.broadcast_to(values, shape)[..., mask]
 
     def mean(self, theta_index: int = 0, epsilon_index: int = 0, mask=None) -> dict[str, float]:
         """The five METRICS over the clouds of `mask` at one tolerance pair; errors as in `means`."""

@@ -81,7 +81,7 @@ class PointGroup:
         return (RotationAxis(axes[0].direction, 0),) if self.continuous else axes
 
     def describe(self) -> str:
-        """One sentence or two, as the table of `symshrec detect` has it."""
+        """One sentence or two for people."""
         from symshrec.planes.wording import described  # which is of groups
 
         return described(self)
@@ -96,7 +96,7 @@ def point_group(
 ) -> PointGroup:
     """The point group that K mirror planes make, or would make with some that are missing.
 
-    Planes that all are mirrors of one group are told it: with all of the group's mirrors among them, or, at least about
+    Where all planes are mirrors of one group it is that: with all of the group's mirrors among them, or, at least about
     half of them found, with those that are missing. Else, six or more through one axis are a surface of revolution, and
     ten or more through one point a sphere; else the largest group that some of the planes make is given, and the others
     are outside.
@@ -164,12 +164,10 @@ def _group(name: str, fit: Alignment, planes: Planes, angle_deg: float) -> Point
     normals = fit.normals[fit.missing]
     signs = np.sign(np.take_along_axis(normals, np.abs(normals).argmax(axis=1)[:, None], axis=1))
     missing = Planes(normals * signs + 0.0, places, np.zeros(len(places)))
-    rows = _places(inside), _places(~inside)
-    return PointGroup(name, *rows, missing, fit.centre, fit.normals, np.degrees(fit.angle), fit.distance, angle_deg)
-
-
-def _places(chosen: np.ndarray) -> tuple[int, ...]:
-    return tuple(np.flatnonzero(chosen).tolist())
+    of_it, outside = (tuple(np.flatnonzero(each).tolist()) for each in (inside, ~inside))
+    return PointGroup(
+        name, of_it, outside, missing, fit.centre, fit.normals, np.degrees(fit.angle), fit.distance, angle_deg
+    )
 
 
 def _revolution(planes: Planes, angle: float, limit: float, angle_deg: float) -> PointGroup | None:
@@ -196,10 +194,12 @@ def _revolution(planes: Planes, angle: float, limit: float, angle_deg: float) ->
             return None
     if name == "D∞h" and not (across & inside).any():
         name = "C∞v"
-    rows = _places(inside), _places(~inside)
+    of_it, outside = (tuple(np.flatnonzero(each).tolist()) for each in (inside, ~inside))
     off = np.degrees(np.arcsin(np.abs(normals - (normals * ideal).sum(1)[:, None] * ideal)[inside].max().clip(max=1)))
     turned = mirrors(CONTINUOUS[name]).normals @ _frame(axis).T
-    return PointGroup(name, *rows, Planes.empty(), centre, turned, float(off), float(distances.max()), angle_deg)
+    return PointGroup(
+        name, of_it, outside, Planes.empty(), centre, turned, float(off), float(distances.max()), angle_deg
+    )
 
 
 def _axis(normals: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,6 +5,7 @@ import json
 import logging
 import re
 import time
+from collections.abc import MutableMapping, Sequence
 from pathlib import Path
 
 from lightning import Callback, Trainer, seed_everything
@@ -37,7 +38,12 @@ def datamodule_of(config: DictConfig) -> SymmetryDataModule:
     return SymmetryDataModule(settings_of(config.data), config.seed, *order)
 
 
-def evaluate(config: DictConfig, method: SymmetryMethod | None = None) -> dict:
+def evaluate(
+    config: DictConfig,
+    method: SymmetryMethod | None = None,
+    callbacks: Sequence[Callback] = (),
+    shelf: MutableMapping | None = None,
+) -> dict:
     """Detect, score and record: predictions.safetensors, config.yaml and, last, metrics.json in `config.folder`.
 
     A killed run goes on where it was. A finished one is left alone where nothing changed, only scored again where the
@@ -47,6 +53,8 @@ def evaluate(config: DictConfig, method: SymmetryMethod | None = None) -> dict:
 
     Args:
         method: ready for use, and described by `config.method`; made from that where it is None.
+        callbacks: for Lightning's Trainer, beside those that `config.callbacks` names.
+        shelf: of the method, shared with runs of the same method over the same clouds (see `SymmetryMethod`).
 
     Returns:
         What metrics.json holds; of a partial run the same scores, with the arguments that shortened it as `partial`.
@@ -59,10 +67,34 @@ def evaluate(config: DictConfig, method: SymmetryMethod | None = None) -> dict:
         raise ValueError("ckpt_path is for train; evaluate takes weights: method.weights=[FILE.safetensors]")
     folder = Path(config.folder)
     with claimed(folder):
-        return _evaluated(config, folder, method)
+        return _evaluated(config, folder, method, callbacks, shelf)
 
 
-def _evaluated(config: DictConfig, folder: Path, method: SymmetryMethod | None) -> dict:
+def clouds_left(config: DictConfig, data: SymmetryDataModule) -> int:
+    """How many clouds the run that `config` describes has still to detect on; 0 where it has ended and is whole.
+
+    Args:
+        data: as `datamodule_of` makes it, for rows over the same clouds to share.
+
+    Raises:
+        ValueError: for what the configuration cannot mean.
+    """
+    folder, method = Path(config.folder), method_of(config)
+    identity = identity_of(config, data, method)
+    key, clouds = digest(identity), len(data.positions(data.test_split))
+    if _finished(folder, _request(config, method, identity)) and not lacking(folder, key, clouds):
+        return 0
+    place = find_store(folder, key)
+    return max(clouds - len(PredictionStore(place, key).done()), 1) if place else clouds
+
+
+def _evaluated(
+    config: DictConfig,
+    folder: Path,
+    method: SymmetryMethod | None,
+    callbacks: Sequence[Callback],
+    shelf: MutableMapping | None,
+) -> dict:
     """`evaluate` in a folder that no other process writes in."""
     seed_everything(config.seed, workers=True, verbose=False)
     data, method = datamodule_of(config), method_of(config) if method is None else method
@@ -79,9 +111,10 @@ def _evaluated(config: DictConfig, folder: Path, method: SymmetryMethod | None) 
         log.warning("%s: %s; predicting what is missing", config.title, lack)
     store = open_store(folder, identity)
     method.known, method.detected = dict(store.items()), _unrefined(config, method, identity)
+    method.shelf = shelf
     method.measure_at(list(config.tolerance.thetas_deg), list(config.tolerance.epsilons))
     keeper = StorePredictions(store)
-    trainer = _trainer(config, folder, keeper)
+    trainer = _trainer(config, folder, keeper, *callbacks)
     (folder / METRICS).unlink(missing_ok=True)  # not before the trainer is known to be a valid one
     trainer.test(method, datamodule=data, verbose=False)
     about = {"request_sha256": request, "key": key, "identity": identity}
@@ -141,12 +174,17 @@ class StorePredictions(Callback):
 
     def total(self) -> dict[str, int | float]:
         """Clouds detected and wall-clock seconds spent on them, a cloud twice where a kill came between."""
-        lines = self.times.read_text(encoding="ascii", errors="replace") if self.times.exists() else ""
-        pairs = re.findall(r"^(\d+) (\d+\.\d+)$", lines, re.ASCII | re.MULTILINE)  # a kill may have torn one
-        return {
-            "detected_clouds": sum(int(clouds) for clouds, _ in pairs),
-            "wall": round(sum(float(seconds) for _, seconds in pairs), 3),
-        }
+        return seconds_in(self.times)
+
+
+def seconds_in(times: Path) -> dict[str, int | float]:
+    """What a run's TIMES add up to, zeros where there are none."""
+    lines = times.read_text(encoding="ascii", errors="replace") if times.exists() else ""
+    pairs = re.findall(r"^(\d+) (\d+\.\d+)$", lines, re.ASCII | re.MULTILINE)  # a kill may have torn one
+    return {
+        "detected_clouds": sum(int(clouds) for clouds, _ in pairs),
+        "wall": round(sum(float(seconds) for _, seconds in pairs), 3),
+    }
 
 
 def _partial(config: DictConfig, folder: Path, data: SymmetryDataModule, method: SymmetryMethod, why: list) -> dict:

@@ -89,7 +89,7 @@ class RowsConfig:
 
     published: the paper's, in its order. ours: further ones. refined: those that come again with refinement. cards:
     further runs whose results are kept for the model cards. so3, so3_refined: of table_so3, on clouds under full
-    rotations.
+    rotations. all: whether `symshrec reproduce` runs the refined ones and the oracle's too.
     """
 
     published: list[str] = field(default_factory=list)
@@ -98,6 +98,7 @@ class RowsConfig:
     so3: list[str] = field(default_factory=list)
     so3_refined: list[str] = field(default_factory=list)
     cards: list[str] = field(default_factory=list)
+    all: bool = False
 
 
 @dataclass

@@ -17,7 +17,7 @@ from symshrec.reporting.tables.published_tables import write_tables
 from symshrec.reporting.tables.refinement import write_refinement
 from symshrec.reporting.tables.results import is_oracle, provenance
 from symshrec.reporting.tables.rows import METRICS_FILE, Rows, find_rows
-from symshrec.runs.config import so3_rows, table_rows
+from symshrec.runs.config import refined_rows, so3_rows, table_rows
 from symshrec.runs.evaluate import datamodule_of
 from symshrec.runs.stores import PREDICTIONS, lacking
 
@@ -49,8 +49,8 @@ def tabulate(config: DictConfig) -> Tabulated:
     main = _with_predictions(_rows(config, data, table_rows(config), split.fingerprint), table_rows(config))
     if not main.results:
         raise ValueError(
-            f"no finished run in {main.folder}; symshrec evaluate --multirun sweep=tables "
-            f"data={config.data.name} makes them"
+            f"no finished run in {main.folder}; symshrec reproduce data={config.data.name} makes them all, and "
+            f"symshrec evaluate --multirun sweep=tables data={config.data.name} those on these data alone"
         )
     _check_groups(config.data.name, main)
     hard = _rows(config, config.data.hard, table_rows(config))
@@ -76,6 +76,11 @@ def tabulate(config: DictConfig) -> Tabulated:
     remarks = [f"left out: {line}" for rows in apart.values() for line in rows.left_out]
     if main.missing:
         remarks.append(f"not run, so left out: {', '.join(main.missing)}")
+    if not config.rows.all and not main.results.keys() & set(refined_rows(config)):
+        remarks.append(
+            f"the refined rows and the oracle's come with symshrec reproduce data={config.data.name} rows.all=true "
+            "(make tables ALL=1)"
+        )
     return Tabulated(files, "\n".join(filter(None, (text, refinement))), remarks)
 
 
@@ -115,7 +120,8 @@ def _name(config: DictConfig) -> str:
 
 
 def _rows(config: DictConfig, data: str, listed: Sequence[str], manifest: str | None = None) -> Rows:
-    return find_rows(Path(config.paths.runs) / data, listed, config.rows.cards, manifest)
+    optional = () if config.rows.all else refined_rows(config)
+    return find_rows(Path(config.paths.runs) / data, listed, config.rows.cards, manifest, optional)
 
 
 def _check_groups(data: str, rows: Rows) -> None:

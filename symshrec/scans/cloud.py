@@ -1,5 +1,7 @@
 """A cloud as it came out of somebody's file, and the error for a file that gives none."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,6 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from symshrec.scans.polygons import Mesh
 
+AXES = ("x", "y", "z")
 WIDEST = 64  # columns a table of three points may have; a wider one lies on its side
 
 
@@ -30,6 +33,15 @@ class FileCloud:
     mesh: "Mesh | None" = None
 
 
+def axis_places(names: Sequence[str]) -> tuple[int, int, int] | None:
+    """Places of the columns called x, y and z, however they are written; None where one of them is not there."""
+    plain = [name.strip("\"' ").lower() for name in names]
+    if not set(AXES) <= set(plain):
+        return None
+    x, y, z = map(plain.index, AXES)
+    return x, y, z
+
+
 def three_columns(rows: np.ndarray, path: Path) -> FileCloud:
     """The cloud in the first three columns of an array.
 
@@ -47,8 +59,12 @@ def three_columns(rows: np.ndarray, path: Path) -> FileCloud:
         raise CloudFileError(f"{path}: the array has shape {rows.shape}; one row is one point: transpose it")
     points = np.ascontiguousarray(rows[:, :3], dtype=np.float64)
     refuse_not_finite(points, path)
-    more = rows.shape[1] - 3
-    return FileCloud(points, (f"{more} more column{'s' * (more > 1)} left out",) if more else ())
+    return FileCloud(points, left_out(rows.shape[1] - 3))
+
+
+def left_out(columns: int) -> tuple[str, ...]:
+    """The note for columns beside the coordinates; none without them."""
+    return (f"{columns} more column{'s' * (columns > 1)} left out",) if columns else ()
 
 
 def refuse_not_finite(points: np.ndarray, path: Path) -> None:
@@ -64,3 +80,20 @@ def refuse_not_finite(points: np.ndarray, path: Path) -> None:
             f"{path}: point {first + 1} is {' '.join(f'{value:g}' for value in points[first])} ({count} such of "
             f"{len(points)}); remove the points that are not finite"
         )
+
+
+@contextmanager
+def readable(path: Path, kind: str, again: str) -> Iterator[None]:
+    """Whatever a package raises about a file within becomes one line that names it and ends with what to do.
+
+    A panic in a package's Rust is no Exception, but comes from the file as well.
+    """
+    try:
+        yield
+    except (CloudFileError, FileNotFoundError, PermissionError, MemoryError):
+        raise
+    except BaseException as error:
+        if not isinstance(error, Exception) and type(error).__name__ != "PanicException":
+            raise
+        text = " ".join(str(error).split())[:160] or type(error).__name__
+        raise CloudFileError(f"{path}: it cannot be read as {kind} ({text}); {again}") from error

@@ -7,7 +7,8 @@ import numpy as np
 
 from symshrec.benchmark.cloud import LabelledCloud, Labels
 from symshrec.scans.cloud import CloudFileError
-from symshrec.scans.reading import EXTENSIONS, read_cloud
+from symshrec.scans.formats import is_known, listed
+from symshrec.scans.reading import read_cloud
 
 
 class CloudFolder:
@@ -24,9 +25,9 @@ class CloudFolder:
 
     def __init__(self, root: str | Path):
         self.root = Path(root)
-        self._paths = sorted(path for path in self.root.rglob("*") if path.suffix.lower() in EXTENSIONS)
+        self._paths = sorted(path for path in self.root.rglob("*") if is_known(path) and path.is_file())
         if not self._paths:
-            raise CloudFileError(f"{self.root}: there is no cloud below it; what can be read: {', '.join(EXTENSIONS)}")
+            raise CloudFileError(f"{self.root}: there is no cloud below it; what can be read: {listed()}")
         self.ids = np.arange(len(self._paths))
         self.names = np.array([str(path.relative_to(self.root)) for path in self._paths])
         self.families, self.solids, self.perturbations = (np.full(len(self), Labels().family) for _ in range(3))
@@ -35,8 +36,10 @@ class CloudFolder:
         return len(self._paths)
 
     def __getitem__(self, position: int) -> LabelledCloud:
-        """The cloud at a position, float32 in the file's own units; a mesh is points drawn on its surface."""
-        points = read_cloud(self._paths[position]).points.astype(np.float32)
+        """The cloud at a position, float32 in the file's own units about its box's centre, so that a place far from the
+        origin costs no precision; a mesh is points drawn on its surface."""
+        points = read_cloud(self._paths[position]).points
+        points = (points - (points.min(axis=0) + np.ptp(points, axis=0) / 2)).astype(np.float32)
         return LabelledCloud(points, None, self.labels(position), int(position), str(self.names[position]))
 
     def labels(self, position: int) -> Labels:

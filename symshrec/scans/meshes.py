@@ -1,20 +1,23 @@
-"""Clouds and meshes in ply, obj, off and stl, and points drawn on a mesh's surface."""
+"""Clouds and meshes in ply, obj, off, stl, gltf, glb and 3mf, and points drawn on a mesh's surface."""
 
 from pathlib import Path
 
 import numpy as np
 
 from symshrec.scans.cloud import CloudFileError, FileCloud, refuse_not_finite
+from symshrec.scans.gltf import read_gltf
 from symshrec.scans.obj import read_obj
 from symshrec.scans.off import read_off
 from symshrec.scans.ply import read_ply
 from symshrec.scans.polygons import Mesh
+from symshrec.scans.source import Source, most_unpacked
 from symshrec.scans.stl import read_stl
+from symshrec.scans.threemf import read_3mf
 
 EXPORT_AGAIN = "it may be cut short: export or copy it again"
 
 
-def read_mesh(path: Path, samples: int, seed: int) -> FileCloud:
+def read_mesh(source: Source, samples: int, seed: int) -> FileCloud:
     """The points of a file without faces, or `samples` points on the surface of one with faces.
 
     Raises:
@@ -22,7 +25,8 @@ def read_mesh(path: Path, samples: int, seed: int) -> FileCloud:
             that are not finite, with a face of too few vertices or of one that is not there, or with a surface of no
             area.
     """
-    mesh = _parse(path.read_bytes(), path.suffix.lower().removeprefix("."), path)
+    path = source.path
+    mesh = _parse(source.read(), source.kind.removeprefix("."), path)
     if not len(mesh.vertices):
         raise CloudFileError(f"{path}: there are no vertices in it; {EXPORT_AGAIN}")
     refuse_not_finite(mesh.vertices, path)
@@ -57,11 +61,15 @@ def sample_surface(triangles: np.ndarray, count: int, seed: int) -> np.ndarray |
 
 
 def _parse(content: bytes, kind: str, path: Path) -> Mesh:
-    """Vertices and triangles; nothing else is opened."""
+    """Vertices and triangles; nothing else is opened, but a gltf's buffers beside it."""
     if not content.strip():
         raise CloudFileError(f"{path}: the file is empty; {EXPORT_AGAIN}")
     if kind in ("ply", "stl"):
         return read_ply(content, path) if kind == "ply" else read_stl(content, path)
+    if kind in ("glb", "gltf"):
+        return read_gltf(content, path, most_unpacked(len(content)))
+    if kind == "3mf":
+        return read_3mf(content, path, most_unpacked(len(content)))
     if b"\0" in content:
         raise CloudFileError(f"{path}: {kind} is a text format, and this is no text; {EXPORT_AGAIN}")
     text = content.decode("utf-8-sig", "replace")

@@ -18,6 +18,46 @@ class Mesh(NamedTuple):
     triangles: np.ndarray
 
 
+class Assembly:
+    """A mesh put together from parts, each in its place; a small file can name large parts any number of times.
+
+    most: bytes that it may take.
+    """
+
+    def __init__(self, path: Path, most: int):
+        self.path, self.room, self._count = path, most, 0
+        self._vertices: list[np.ndarray] = []
+        self._triangles: list[np.ndarray] = []
+
+    def add(self, vertices: np.ndarray, triangles: np.ndarray, pose: np.ndarray) -> None:
+        """Put a part, (V, 3) and (F, 3), in its place by a (4, 4) matrix.
+
+        Raises:
+            CloudFileError: for a corner that is not there, a matrix of another shape or kind, and too large a mesh.
+        """
+        if pose.shape != (4, 4) or not np.isfinite(pose).all() or (pose[3] != (0, 0, 0, 1)).any():
+            raise CloudFileError(
+                f"{self.path}: a part has a place that is no matrix of finite numbers; export it again"
+            )
+        if triangles.size and not 0 <= triangles.min() <= triangles.max() < len(vertices):
+            raise CloudFileError(f"{self.path}: a face has a vertex that is not there; there are {len(vertices)}")
+        self.room -= vertices.nbytes + triangles.nbytes
+        if self.room < 0:
+            raise CloudFileError(
+                f"{self.path}: put together, its parts take more memory than a file of its size should; export it as "
+                "one mesh"
+            )
+        self._vertices.append(vertices @ pose[:3, :3].T + pose[:3, 3])
+        self._triangles.append(triangles + self._count)
+        self._count += len(vertices)
+
+    def mesh(self) -> Mesh:
+        """All parts as one."""
+        empty = np.zeros((0, 3))
+        triangles = np.concatenate([empty.astype(np.int64), *self._triangles])
+        return Mesh(np.concatenate([empty, *self._vertices]), triangles)
+
+
 def triangulated(
     corners: Sequence[int] | np.ndarray, lengths: Sequence[int] | np.ndarray, vertices: int, where: Callable[[int], str]
 ) -> np.ndarray:

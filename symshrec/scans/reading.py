@@ -2,24 +2,22 @@
 
 from pathlib import Path
 
-from symshrec.scans.arrays import read_array
 from symshrec.scans.cloud import CloudFileError, FileCloud
-from symshrec.scans.meshes import read_mesh
-from symshrec.scans.text import read_text
+from symshrec.scans.formats import is_known, listed, reader_of
+from symshrec.scans.source import kind_of, open_source
 
-TEXT, ARRAY, MESH = (".txt", ".xyz", ".csv"), (".npy",), (".ply", ".obj", ".off", ".stl")
-EXTENSIONS = (*TEXT, *ARRAY, *MESH)
 SAMPLES = 20_000  # points on a mesh, unless another number is asked for
 MOST_SAMPLES = 10_000_000  # of which memory holds about a gigabyte
 
 
 def read_cloud(path: str | Path, samples: int = SAMPLES, seed: int = 0) -> FileCloud:
-    """The cloud in a file, by its extension.
+    """The cloud in a file, by its extension, or in standard input, by its first bytes; in the file's own units.
 
-    Text (txt, xyz, csv): see `read_text`. npy: (N, 3 or more), never unpickled. ply (text or binary), obj, off, stl: a
-    file with faces gives points on its surface, one without its vertices.
+    `symshrec.scans.formats` lists what is read, and each of its readers says how. A file with faces gives points on its
+    surface, placed as its scene has them; one without gives its points. Nothing is unpickled.
 
     Args:
+        path: `-` is standard input; `.gz` after the extension is unpacked.
         samples: points to draw on a mesh, 1 to MOST_SAMPLES. seed: of those points, from 0 on.
 
     Raises:
@@ -32,11 +30,9 @@ def read_cloud(path: str | Path, samples: int = SAMPLES, seed: int = 0) -> FileC
     if seed < 0:
         raise ValueError(f"seed is {seed}; it must be 0 or more")
     path = Path(path)
-    kind = path.suffix.lower()
     if path.is_dir():
-        raise CloudFileError(f"{path}: this is a folder; name a file ({', '.join(EXTENSIONS)})")
-    if kind not in EXTENSIONS:
-        raise CloudFileError(f"{path}: unknown extension {kind!r}; what can be read: {', '.join(EXTENSIONS)}")
-    if kind in TEXT:
-        return read_text(path)
-    return read_array(path) if kind in ARRAY else read_mesh(path, samples, seed)
+        raise CloudFileError(f"{path}: this is a folder; name a file ({listed()})")
+    if not is_known(path):
+        raise CloudFileError(f"{path}: unknown extension {kind_of(path)!r}; what can be read: {listed()}")
+    source = open_source(path)
+    return reader_of(source.kind, samples, seed)(source)

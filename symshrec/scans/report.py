@@ -1,6 +1,7 @@
 """What was found in one file, as a table for people and as JSON for programs."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +10,7 @@ import numpy as np
 
 from symshrec import __version__
 from symshrec.planes import Planes, PointGroup
-from symshrec.scans import FileCloud
+from symshrec.scans import STDIN, STDIN_NAME, FileCloud
 from symshrec.scans.palette import colour_code, colour_name
 
 FORMAT = "symshrec detections 1"  # a new number where a field changes its meaning or goes; new fields may come
@@ -127,25 +128,28 @@ def as_json(
     return json.dumps({**about, **found}, indent=1) + "\n"
 
 
-def as_table(detection: Detection, min_confidence: float, listed: bool = False) -> str:
+def as_table(
+    detection: Detection, min_confidence: float, listed: bool = False, mark: Callable[[str], str] = str
+) -> str:
     """A heading, one line a plane with its columns aligned, and what group they make.
 
     Planes of a surface of revolution or of a sphere, which stand for infinitely many, are a sentence in place of lines,
-    unless `listed`.
+    unless `listed`; `mark` makes the planes' numbers stand out.
     """
+    name = shown(detection.path)
     rows, diagonal, group = detection.rows(), detection.diagonal, detection.group
     points = f"{len(detection.cloud.points):,} points, diagonal {diagonal:.{FIGURES}g}"
     if not rows:
-        return f"{printable(detection.path)}: no mirror plane of confidence {min_confidence:g} or more ({points})"
+        return f"{name}: no mirror plane of confidence {min_confidence:g} or more ({points})"
     plural = "s" * (len(rows) > 1)
     points += f", asymmetry {detection.asymmetry:.{SHARE}f}"
-    title = f"{printable(detection.path)}: {len(rows)} mirror plane{plural} ({points})"
+    title = f"{name}: {len(rows)} mirror plane{plural} ({points})"
     if group.continuous and not listed:
         rows = [rows[place] for place in group.outside]
-    lines = _aligned([HEADER, *(_cells(row, diagonal) for row in rows)]) if rows else []
+    lines = _aligned([HEADER, *(_cells(row, diagonal) for row in rows)], mark) if rows else []
     offered = detection.missing.rows(diagonal)
     missing = [["missing", "", *_cells({"number": "", "colour": "", **row}, diagonal)[2:]] for row in offered]
-    return "\n".join([title, *lines, group.describe(), *(_aligned(missing) if missing else [])])
+    return "\n".join([title, *lines, group.describe(), *(_aligned(missing, str) if missing else [])])
 
 
 def _cells(row: dict, diagonal: float) -> list[str]:
@@ -164,9 +168,15 @@ def _cells(row: dict, diagonal: float) -> list[str]:
     ]
 
 
-def _aligned(cells: list[list[str]]) -> list[str]:
+def _aligned(cells: list[list[str]], mark: Callable[[str], str]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+    padded = [[cell.rjust(width) for cell, width in zip(row, widths, strict=True)] for row in cells]
+    return ["  ".join([mark(number), *rest]) for number, *rest in padded]
+
+
+def shown(path: Path) -> str:
+    """A file's name for people."""
+    return STDIN_NAME if path == STDIN else printable(path)
 
 
 def printable(text: str | Path) -> str:

@@ -1,5 +1,6 @@
 """`symshrec detect`: what it prints and writes, for one file and for many, and what it says of bad ones."""
 
+import gzip
 import io
 import json
 import os
@@ -125,6 +126,44 @@ def test_several_files_and_the_bad_ones_among_them(box, capsys):
     assert len(read_results("b_res.txt")) == 2
 
 
+def test_folders_of_outputs_are_made(box):
+    Path("deep").mkdir()
+    Path("deep/b.ply.gz").write_bytes(gzip.compress(Path(box).read_bytes()))
+    outputs = ("--res", "res/{stem}/x_res.txt", "--plot", "pictures/{stem}.png", "--json", "a/b/c.json")
+    assert run(box, "deep/b.ply.gz", *outputs, "--samples", 300) == 0
+    made = {str(path) for folder in ("res", "pictures", "a") for path in Path(folder).rglob("*.*")}
+    named = {name.format(stem=stem) for name in outputs[1::2] for stem in ("box", "b")}
+    assert made == named
+    assert run(box, "--res", "never/x.pdf") == 2
+    assert not Path("never").exists()
+
+
+def test_standard_input(box, capsys, monkeypatch):
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(Path(box).read_bytes())))
+    assert run("-", "--samples", 300, "--res", "{stem}_res.txt", "--json", "all.json") == 0
+    told = capsys.readouterr()
+    assert told.out.startswith("standard input: 2 mirror planes (300 points")
+    assert told.err.startswith("standard input: a mesh of 12 triangles")
+    assert len(read_results("stdin_res.txt")) == 2
+    assert json.loads(Path("all.json").read_text())["clouds"][0]["file"] == "-"
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"0 0 0\n1 -1\n")))
+    assert run("-") == 2
+    assert capsys.readouterr().err.startswith("symshrec detect: standard input:2: 2 columns")
+
+
+def test_plane_numbers_stand_out_in_a_terminal(box, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setenv("NO_COLOR", "")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr(sys, "stdout", Terminal())
+    assert run(box, "--samples", 300) == 0
+    rows = sys.stdout.getvalue().splitlines()[2:-1]  # between the header and the group
+    assert [row.partition("  ")[0] for row in rows] == ["\033[1m1\033[0m", "\033[1m2\033[0m"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
@@ -132,7 +171,8 @@ def test_several_files_and_the_bad_ones_among_them(box, capsys):
         (["gone.ply"], "No such file"),
         (["box.pdf"], "unknown extension '.pdf'"),
         (["box.ply", "--plot", "box.gif"], "unknown extension; draw to .png or .html"),
-        (["box.ply", "--plot", "gone/box.png"], "there is no folder gone"),
+        (["box.ply", "--json", "box.ply/a.json"], "--json box.ply/a.json: no folder box.ply can be made"),
+        (["-", "-"], "can be read once"),
         (["box.ply", "--res", "box.res"], "called OUT_res.txt"),
         (["box.ply", "b.ply", "--plot", "box.png"], "is one file for 2; put {stem} into its name"),
         (["box.ply", "box.xyz", "--plot", "{stem}.png"], "several files are called box"),

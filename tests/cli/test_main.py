@@ -1,11 +1,14 @@
 """The command line as a whole: commands, exit codes, and what is not imported."""
 
+import io
 import subprocess
 import sys
 
 import pytest
 
-from symshrec.cli import COMMANDS, main
+import symshrec
+from symshrec.cli import COMMANDS, EXIT_STATUSES, main
+from symshrec.scans import EXTENSIONS
 
 
 def test_help_lists_every_command(capsys):
@@ -14,6 +17,44 @@ def test_help_lists_every_command(capsys):
     assert end.value.code == 0
     told = capsys.readouterr().out
     assert all(f"  {name} " in told for name in COMMANDS)
+
+
+@pytest.mark.parametrize("option", ["--version", "-V"])
+def test_the_version(option, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([option])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"symshrec {symshrec.__version__}\n"
+
+
+@pytest.mark.parametrize("words", [[], ["detect"], ["view"]])
+def test_help_documents_exit_statuses(words, capsys):
+    with pytest.raises(SystemExit):
+        main([*words, "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert EXIT_STATUSES in told
+    if words:
+        assert all(kind in told for kind in EXTENSIONS)
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+def test_colours_are_for_terminals_alone(monkeypatch):
+    for stream, environment, coloured in (
+        (Terminal(), {}, True),
+        (io.StringIO(), {}, False),
+        (Terminal(), {"NO_COLOR": "1"}, False),
+        (Terminal(), {"TERM": "dumb"}, False),
+    ):
+        for name, value in ({"NO_COLOR": "", "TERM": "xterm"} | environment).items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr(sys, "stderr", stream)
+        assert main(["detect"]) == 2
+        start = "\033[31msymshrec detect:\033[0m" if coloured else "symshrec detect:"
+        assert stream.getvalue().startswith(f"{start} no file to detect on")
 
 
 @pytest.mark.parametrize("command", COMMANDS)

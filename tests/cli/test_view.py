@@ -96,3 +96,19 @@ def test_the_window_gets_the_cloud_and_every_plane(shards, monkeypatch):
     polyscope.remove_all_structures()
     viewer.register(cloud.points, None, None, "alone")
     assert not polyscope.has_surface_mesh("true plane 1")
+
+
+def test_a_survey_is_drawn_about_its_own_centre(tmp_path, monkeypatch):
+    points = np.random.default_rng(0).normal(size=(30, 3)).round(3)
+    far = np.array([456_789.0, 5_123_456.0, 312.0])
+    np.savetxt(tmp_path / "a.csv", points + far, delimiter=";")
+    write_planes(tmp_path / "a_sym.txt", Planes(GUESS.normals, np.tile(far, (2, 1))))
+    shown = []
+    monkeypatch.setattr(viewer, "require_window", lambda: None)
+    monkeypatch.setattr(viewer, "show", lambda *scene: shown.append(scene))
+    assert main(["view", str(tmp_path / "a.csv")]) == 0
+    ((drawn, planes, predicted, name),) = shown
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    np.testing.assert_allclose(drawn, points - middle, atol=1e-6)
+    np.testing.assert_allclose(planes.offsets, GUESS.normals @ -middle, atol=1e-6)
+    assert (predicted, name) == (None, "a.csv")

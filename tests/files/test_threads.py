@@ -1,6 +1,7 @@
 """Whoever computes on one thread leaves every thread's number as it was."""
 
 import itertools
+import os
 import subprocess
 import sys
 import threading
@@ -8,7 +9,7 @@ import threading
 import pytest
 import torch
 
-from symshrec.files.pool import DetectionPool
+from symshrec.files.pool import DetectionPool, ProcessPool, kept_processes
 from symshrec.files.threads import one_thread
 from symshrec.planes import Planes
 
@@ -109,3 +110,18 @@ def test_torch_is_not_imported_for_it():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
+
+
+def test_pools_share_their_processes_where_these_are_kept_and_only_there():
+    def processes() -> set[int]:
+        with ProcessPool(2) as pool:
+            return set(pool.results(os.getpid, [()] * 8))
+
+    with kept_processes():
+        seen = set.union(*(processes() for _ in range(3)))
+        assert 1 <= len(seen) <= 2
+        with pytest.raises(ZeroDivisionError), ProcessPool(2) as pool:
+            list(pool.results(divmod, [(1, 0)]))
+        assert not seen & processes()  # those of a pool that failed are not trusted again
+    assert not seen & processes()
+    assert not any(os.path.exists(f"/proc/{process}") for process in seen)

@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
-import robust_laplacian
 import torch
-from scipy.spatial import cKDTree
 
 from symshrec.benchmark.cloud import Labels
 from symshrec.data.batch import Batch
-from symshrec.methods.m3 import selection, spectrum
-from symshrec.methods.m3.candidates import local_maxima
 from symshrec.methods.m3.module import M3
 from symshrec.methods.m3.pipeline import detect_planes, spatial_order
 from symshrec.methods.m3.settings import M3Settings
@@ -195,66 +191,6 @@ def test_settings_out_of_range_are_named(setting):
         M3Settings(**setting)
 
 
-def test_local_maxima_against_every_distance():
-    rng = np.random.default_rng(4)
-    points, values = rng.random((300, 2)), rng.random(300)
-    values[10] = values[11] = 2.0
-    points[11] = points[10] + 1e-3
-    for neighbours in (3, 20, 299, 500):
-        distances = np.linalg.norm(points[:, None] - points, axis=-1)
-        nearest = np.argsort(distances, axis=1)[:, 1 : neighbours + 1]
-        expected = [i for i in range(300) if all(values[i] > values[j] for j in nearest[i])]
-        np.testing.assert_array_equal(local_maxima(cKDTree(points), values, neighbours), expected)
-
-
-def test_diffusion_limits():
-    eigenvalues, eigenvectors = np.array([0.0, 2.0, 5.0]), np.random.default_rng(0).random((7, 3))
-    squares = eigenvectors**2
-    np.testing.assert_allclose(
-        spectrum.diffusion(eigenvalues, eigenvectors, 1e-9) / 1e-9, squares.sum(1) / 2, rtol=1e-6
-    )
-    weights = [0.5, (1 - np.exp(-1.0)) / 2, (1 - np.exp(-2.5)) / 5]
-    np.testing.assert_allclose(spectrum.diffusion(eigenvalues, eigenvectors, 1.0), squares @ weights)
-    np.testing.assert_allclose(spectrum.diffusion(eigenvalues, eigenvectors, np.inf), squares @ [0, 1 / 2, 1 / 5])
-
-
-def test_spectrum_solves_the_eigenproblem():
-    points = in_reference_order(petal_cone(500))
-    laplacian, mass = robust_laplacian.point_cloud_laplacian(points, mollify_factor=1e-3)
-    eigenvalues, eigenvectors = spectrum.laplacian_spectrum(points, 10, 1e-3, 30)
-    np.testing.assert_allclose(laplacian @ eigenvectors, (mass @ eigenvectors) * eigenvalues, atol=1e-8)
-    np.testing.assert_allclose(eigenvectors.T @ (mass @ eigenvectors), np.eye(10), atol=1e-8)
-    smallest = np.sort(np.linalg.eigvals(laplacian.toarray() / mass.diagonal()[:, None]).real)[:10]
-    np.testing.assert_allclose(eigenvalues, smallest, atol=1e-6)
-
-
-def test_selection_keeps_what_sorting_keeps_at_less_cost(monkeypatch):
-    rng = np.random.default_rng(6)
-    cloud = spatial_order(petal_cone(1000))
-    normals = np.repeat(np.eye(3)[:2], 20, axis=0) + 0.03 * rng.normal(size=(40, 3))
-    normals = np.concatenate([normals, rng.normal(size=(5, 3))])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    origins = normals * rng.uniform(0, 0.5, (45, 1))
-    asked, original = [], selection._squared_distances
-
-    def counted(tree, share, *plane):
-        asked.append(len(share))
-        return original(tree, share, *plane)
-
-    monkeypatch.setattr(selection, "_squared_distances", counted)
-    kept, distances = selection.select_planes(cKDTree(cloud), normals, origins, 500.0, 5.0)
-
-    mirrored = Planes(normals, origins).mirror(cloud)
-    exact = np.array([2 * (cKDTree(cloud).query(image)[0] ** 2).sum() for image in mirrored])
-    expected = []
-    for candidate in np.argsort(exact):
-        if exact[candidate] < 500 and (axis_angles(normals[[candidate]], normals[expected]) > np.deg2rad(5)).all():
-            expected.append(candidate)
-    np.testing.assert_array_equal(kept, expected)
-    np.testing.assert_allclose(distances, exact[expected])
-    assert sum(asked) < 0.6 * len(normals) * len(cloud)
-
-
 @pytest.fixture
 def pooled():
     method = M3(M3Settings(neighbours=40, workers=2))
@@ -292,3 +228,26 @@ def test_detect_takes_a_tensor_of_any_precision():
     points = petal_cone(600).astype(np.float32)
     planes = M3(M3Settings(neighbours=40)).detect(torch.from_numpy(points))
     assert_same(planes, detect_planes(points, M3Settings(neighbours=40)))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_runs_that_share_the_diffusion_function_find_what_they_find_alone(workers, monkeypatch):
+    batch = batch_of([petal_cone(), box_surface(), np.zeros((3, 3))])
+    settings = [M3Settings(neighbours=count, time_factor=0.1, workers=workers) for count in (40, 60)]
+    alone = [M3(each).detect_batch(batch) for each in settings]
+    shelf, found = {}, []
+    for each in settings:
+        method = M3(each)
+        method.shelf = shelf
+        found.append(method.detect_batch(batch))
+        method.pool.close()
+        monkeypatch.setattr("symshrec.methods.m3.module.diffused", lambda *_: pytest.fail("computed twice"))
+    for mine, others in zip(found, alone, strict=True):
+        for planes, expected in zip(mine, others, strict=True):
+            np.testing.assert_array_equal(planes.normals, expected.normals)
+            np.testing.assert_array_equal(planes.confidences, expected.confidences)
+    assert len(found[0][0]) > len(found[0][2]) == 0
+    other = M3(M3Settings(time_factor=0.2))
+    other.shelf = shelf
+    with pytest.raises(BaseException, match="computed twice"):
+        other.detect_batch(batch)

@@ -11,7 +11,7 @@ from symshrec.benchmark.cloud import Labels
 from symshrec.data.batch import Batch
 from symshrec.methods.m4.confidence import confidences
 from symshrec.methods.m4.module import M4
-from symshrec.methods.m4.pipeline import detect_planes
+from symshrec.methods.m4.pipeline import SURE, detect_planes
 from symshrec.methods.m4.search import hemisphere
 from symshrec.methods.m4.settings import CALIBRATION, SURFACE_CALIBRATION, M4Settings
 from symshrec.planes import Planes, axis_angles
@@ -68,6 +68,16 @@ def test_planes_of_a_cone_over_a_petal(petals, noise):
 def test_planes_of_a_box_and_its_centre():
     expected = Planes(np.eye(3), np.full((3, 3), [4.0, -1.0, 2.0]))
     assert_are(sure(detect_planes(box_surface())), expected, 0.3, 0.01)
+
+
+def test_a_plane_across_which_density_grows_fivefold_stands_beside_those_that_density_is_sure_of():
+    points = box_surface(40_000)
+    heights = points[:, 0]
+    share = (heights - heights.min()) / np.ptp(heights)
+    uneven = points[np.random.default_rng(0).random(len(points)) < 5.0 ** (share - 1)][:6000]
+    planes = detect_planes(uneven)
+    assert_are(sure(planes), Planes(np.eye(3), np.full((3, 3), [4.0, -1.0, 2.0])), 0.5, 0.01)
+    assert planes.confidences.max() >= SURE
 
 
 def test_offset_of_a_cylinder_comes_from_its_ends():

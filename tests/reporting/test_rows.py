@@ -83,3 +83,13 @@ def test_listed_runs_on_another_version_of_the_data_are_all_named(leave, tmp_pat
         find_rows(tmp_path, listed, manifest="ab" * 32)
     assert list(find_rows(tmp_path, ["m4_sharp"], manifest="ab" * 32).results) == ["m4_sharp"]
     assert len(find_rows(tmp_path, [], manifest="cd" * 32).results) == 1
+
+
+def test_optional_runs_are_neither_missed_nor_refused_where_they_are_of_older_data(leave, tmp_path):
+    leave("m4", "M4")
+    leave("m3_refine", "M3 + refine", manifest="cd" * 32)
+    optional = ["m3_refine", "oracle_refine"]
+    rows = find_rows(tmp_path, ["m4", *optional], manifest="ab" * 32, optional=optional)
+    assert (list(rows.results), rows.missing) == (["m4"], [])
+    (line,) = rows.left_out
+    assert re.search(r"m3_refine was measured on another version of the data \(.*cdcd", line)

@@ -24,12 +24,12 @@ def test_the_fit_finds_the_weights_that_made_the_labels():
     assert fitted(table, rng.uniform(size=len(table)) < chance) == pytest.approx([3, -40, -20, 60], rel=0.15)
 
 
-def test_surface_is_asked_of_clouds_alone_whose_density_tells_nothing():
+def test_surface_is_not_asked_of_clouds_that_density_settles():
     benchmark = benchmark_of(load(["data=smoke", "data.benchmark.surface.points=1600"]))
-    tables, labels = zip(*labelled_surface_candidates(benchmark, 8, ["P0", "P13"], 0.25), strict=True)
+    tables, labels = zip(*labelled_surface_candidates(benchmark, 8, 2, ["P0", "P13"], 0.25), strict=True)
     asked = [len(each) > 0 for each in labels]
     assert set(asked) == {True, False}
     table, truth = np.concatenate(tables), np.concatenate(labels)
-    assert table.shape == (len(truth), 8)
+    assert table.shape == (len(truth), 13)
     assert np.isfinite(table).all()
     assert table[truth, 1].mean() < table[~truth, 1].mean()  # true planes leave less surface without a mirror image

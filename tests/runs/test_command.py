@@ -170,9 +170,13 @@ def test_ctrl_c_leaves_one_line(smoke_command, tmp_path):
     run = tmp_path / "run"
     command = smoke_command("evaluate", "method=slow.Slow", f"folder={run}", "data.batch_size=1")
     environment = os.environ | {"PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
-    process = subprocess.Popen(
-        command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
+    try:
+        process = subprocess.Popen(
+            command, cwd=ROOT, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+    finally:
+        signal.signal(signal.SIGINT, before)
     deadline = time.monotonic() + 120
     while not list(run.glob("predictions/part-*")) and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.02)

@@ -36,9 +36,10 @@ def test_tables_lie_under_runs_until_they_are_published(runs, tmp_path):
     assert {path.parent for path in done.files} == {folder}
     assert not kept.exists()
     table = (folder / "table2.md").read_text()
-    assert table.index("| Truth") < table.index("| Another") < table.index("Not run: m4, oracle_refine.")
+    assert table.index("| Truth") < table.index("| Another") < table.index("Not run: m4.")
     assert "| Card" not in table
-    assert done.remarks == ["not run, so left out: m4, oracle_refine"]
+    assert done.remarks[0] == "not run, so left out: m4"
+    assert "rows.all=true" in done.remarks[1]
     written = publish(runs())
     assert set(written) == {path for path in kept.rglob("*") if path.is_file()}
     names = {path.relative_to(kept / "smoke").as_posix() for path in written}
@@ -51,6 +52,7 @@ def test_tables_lie_under_runs_until_they_are_published(runs, tmp_path):
     } <= names
     assert (kept / "smoke" / "table2.md").read_text() == table
     assert not any("predictions" in name or name == "rows.json" for name in names)
+    assert tabulate(runs("rows.all=true")).remarks == ["not run, so left out: m4, oracle_refine"]
 
 
 def test_publishing_refuses_tables_that_are_missing_or_older_than_the_runs(runs, tmp_path):
@@ -81,7 +83,7 @@ def test_tables_name_the_run_whose_predictions_are_gone_or_damaged(runs, harm):
 
 
 def test_tables_say_how_to_begin(runs):
-    with pytest.raises(ValueError, match=r"no finished run in .*smoke; .*sweep=tables data=smoke makes them"):
+    with pytest.raises(ValueError, match=r"no finished run in .*smoke; symshrec reproduce data=smoke makes them all"):
         tabulate(runs())
 
 

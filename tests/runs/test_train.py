@@ -22,7 +22,7 @@ from symshrec.methods.weights import WeightsError, read_weights
 from symshrec.runs.checkpoints import steps_done
 from symshrec.runs.cross_validation import fold_spread
 from symshrec.runs.evaluate import evaluate
-from symshrec.runs.train import chosen_precision, train
+from symshrec.runs.train import train
 from symshrec.scans import CloudFileError
 
 ROOT = Path(__file__).parents[2]
@@ -245,14 +245,6 @@ def test_a_loss_that_is_not_finite_ends_the_training_at_once(tiny, monkeypatch):
         FloatingPointError, match=r"step 0 is not finite \(loss nan, vector 2\); lower train\.optimiser"
     ):
         train(tiny("folder"))
-
-
-@pytest.mark.parametrize(("bfloat16", "taken"), [(True, "bf16-mixed"), (False, "32-true")])
-def test_precision_follows_the_processor(monkeypatch, bfloat16, taken):
-    monkeypatch.setattr("torch.ops.mkldnn._is_mkldnn_bf16_supported", lambda: bfloat16)
-    assert chosen_precision("auto", "cpu") == taken
-    assert chosen_precision("auto", "gpu") == "bf16-mixed"
-    assert chosen_precision("64-true", "cpu") == "64-true"
 
 
 def test_a_method_without_a_network_is_refused(smoke_config, tmp_path):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from symshrec.runs.evaluate import evaluate
+from symshrec.runs.train import chosen_precision
 
 CHEAP = ["data.limit=4", "data.batch_size=2", "logger=none"]
 
@@ -70,3 +71,11 @@ def test_loggers_and_callbacks_of_ones_own_are_given_the_run(smoke_config, tmp_p
     mean, *_ = [each["value"] for each in result["scores"] if (each["metric"], each["group"]) == ("mAP", "all")]
     assert float(row["mAP/all"]) == mean
     assert any((tmp_path / "run" / "tensorboard").iterdir())
+
+
+@pytest.mark.parametrize(("bfloat16", "taken"), [(True, "bf16-mixed"), (False, "32-true")])
+def test_precision_follows_the_processor(monkeypatch, bfloat16, taken):
+    monkeypatch.setattr("torch.ops.mkldnn._is_mkldnn_bf16_supported", lambda: bfloat16)
+    assert chosen_precision("auto", "cpu") == taken
+    assert chosen_precision("auto", "gpu") == "bf16-mixed"
+    assert chosen_precision("64-true", "cpu") == "64-true"

@@ -179,7 +179,7 @@ def broken_stl(triangles):
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "a.off"),
         ("a.stl", broken_stl(5), "too few for its 12 faces"),
         ("a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\n", "endsolid"),
-        ("a.pcd", "0 0 0\n", "unknown extension '.pcd'; what can be read: .txt"),
+        ("a.dwg", "0 0 0\n", "unknown extension '.dwg'; what can be read: .txt"),
         ("noextension", "0 0 0\n", "unknown extension ''"),
     ],
 )

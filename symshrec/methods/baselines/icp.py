@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from symshrec.geometry.trees import midpoint_tree
 from symshrec.methods.fit.frame import FEWEST_POINTS, checked
 from symshrec.planes import Planes, axis_angles
 
@@ -38,7 +39,7 @@ class Target:
             return None
         distances = np.linalg.norm(points - points.mean(axis=0), axis=1)
         points = points[np.argsort(distances, kind="stable")][np.random.default_rng(0).permutation(len(points))[:most]]
-        tree = cKDTree(points)
+        tree = midpoint_tree(points)
         nearest = np.median(tree.query(points, [2])[0])
         return cls(points, tree, float(np.sqrt(np.square(distances).mean())), within * float(nearest))
 

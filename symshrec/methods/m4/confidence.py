@@ -5,15 +5,20 @@ from math import log
 import torch
 from torch import Tensor
 
+from symshrec.methods.fit.evening import EVEN
 from symshrec.methods.fit.judgement import Judgement
 
 FEWEST = 256  # points of the sparsest clouds calibrated on; fewer count as so many
 NAMES = ("divergence", "excess", "sparseness")  # of the features, after the intercept
 # The same, of planes that are judged by surface.
-SURFACE_NAMES = ("by density", "misfit", "excess", "coarseness", "thickness", "blur", "behind", "extent")
+SURFACE_NAMES = (
+    *("by density", "misfit", "excess", "coarseness", "thickness", "blur", "behind", "extent"),
+    *("unevenness", "sure", "sure by density", "sure misfit", "sure unevenness"),
+)
 SURE = 4.0  # logit by density beyond which more tells no more
 HOPELESS = -12.0  # and below which
 STRICT, ROOM = 8, 0.05  # misfit = log(1 + ROOM − support^STRICT · seen)
+MOST_UNEVEN = 0.6  # above that of an even sample, beyond which more tells no more
 MOST_EXCESS, MOST_BEHIND = 0.3, 0.6  # beyond which more tells no more, since what is missing costs as much
 THIN, MOST_THICK = 0.4, 2.0  # count · spacing² of a surface at most; the most of its logarithm above that
 LEAST, MOST = -0.05, 0.3  # nats, between which a divergence tells
@@ -34,13 +39,16 @@ def features(divergences: Tensor, count: int) -> Tensor:
 
 
 def surface_features(
-    by_density: Tensor, divergences: Tensor, judgement: Judgement, count: int, spacing: float
-) -> Tensor:
-    """What it depends on where the sample is uneven or parts of the object are missing: (K, 8) float64.
+    by_density: Tensor, divergences: Tensor, judgement: Judgement, count: int, spacing: float,
+    uneven: float, sure: bool,
+) -> Tensor:  # fmt: skip
+    """What it depends on where the sample is uneven or parts of the object are missing: (K, 13) float64.
 
     Args:
         by_density: (K,), logits by the other regression. divergences: (K,), in the evened cloud, about 0 for a
             symmetry. judgement: of the planes. count, spacing: of the evened cloud.
+        uneven: how far the cloud's density differs from place to place (see `unevenness`).
+        sure: whether a plane of the cloud is sure by density.
 
     Returns:
         In the order of SURFACE_NAMES: the logit, cut off at both ends; misfit, how much surface has no mirror image,
@@ -48,26 +56,37 @@ def surface_features(
         that of the cloud's best plane; coarseness, the logarithm of the spacing, within which every image counts as
         supported, so that chance supports planes of sparse clouds; thickness, how far the evened points fill more than
         a surface, as noise and volumes do, whose planes support does not tell apart; blur, the divergence, which does,
-        times the thickness; behind, how much less surface has a mirror image than in the cloud's best plane; and
-        extent, the share of the points that the plane moves.
+        times the thickness; behind, how much less surface has a mirror image than in the cloud's best plane; extent,
+        the share of the points that the plane moves; unevenness, above that of an even sample; and, where some plane
+        is sure by density, that it is, with three of the others: an even sample then has no further planes, and an
+        uneven one may.
     """
     divergences = divergences.double()
-    value = judgement.support.double() ** STRICT * judgement.seen.double()
+    value = strict(judgement)
     one = torch.ones_like(divergences)
+    logit, misfit = by_density.double().clamp(HOPELESS, SURE), (1 + ROOM - value).log()
+    above = one * min(max(uneven - EVEN, 0.0), MOST_UNEVEN)
     thickness = one * min(max(log(count * spacing**2 / THIN), 0.0), MOST_THICK)
     return torch.stack(
         [
-            by_density.double().clamp(HOPELESS, SURE),
-            (1 + ROOM - value).log(),
+            logit,
+            misfit,
             (divergences - divergences.min()).clamp_max(MOST_EXCESS),
             one * log(spacing),
             thickness,
             divergences.clamp(LEAST, MOST) * thickness,
             (value.max() - value).clamp_max(MOST_BEHIND),
             judgement.moved.double(),
+            above,
+            *(sure * each for each in (one, logit, misfit, above)),
         ],
         dim=1,
     )
+
+
+def strict(judgement: Judgement) -> Tensor:
+    """How much of the surface planes (K,) mirror onto surface, what contradicts them weighing far more: float64."""
+    return judgement.support.double() ** STRICT * judgement.seen.double()
 
 
 def logits(table: Tensor, calibration: tuple[float, ...]) -> Tensor:

@@ -36,8 +36,11 @@ class DensitySearch:
         self.points, self.settings = points, settings
         self.densities = densities(points)
 
-    def planes(self) -> Scored:
-        """Normals (K, 3), offsets (K,) and divergences (K,) of what may be symmetries, the best first."""
+    def planes(self) -> tuple[Scored, Scored]:
+        """Normals (K, 3), offsets (K,) and divergences (K,) of what may be symmetries, the best first.
+
+        And the same of all that was left before the finest density.
+        """
         _, search, coarse, middle, fine = self.densities
         few, some, more = (self.points[:count] for count in (COARSE_POINTS, MIDDLE_POINTS, FINE_POINTS))
         normals, offsets = searched(search, self.settings.directions, self.settings.candidates)
@@ -47,17 +50,19 @@ class DensitySearch:
         normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
         if self.settings.together:
             normals, offsets, divergences = self._completed((normals, offsets, divergences))
+        left = []
         for density, hopeless in zip((middle, fine), HOPELESS[3:], strict=True):
             tied = (divergences < divergences.min() + TIED) & self.settings.together
             normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
             normals, offsets, divergences = self._kept(density, more, normals, offsets, hopeless)
+            left.append((normals, offsets, divergences))
         divergences = divergence(fine, self.points, normals, offsets)
         if self.settings.together:
             relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE)
             tied = divergences < divergences.min() + TIED
             divergences = orbit_means(divergences, relations.mirrored_in(tied))
         order = torch.argsort(divergences, stable=True)
-        return normals[order], offsets[order], divergences[order]
+        return (normals[order], offsets[order], divergences[order]), left[0]
 
     def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float) -> Scored:
         """Planes that differ and may be symmetries, at least one, with their divergences, the best first."""

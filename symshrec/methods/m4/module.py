@@ -15,7 +15,7 @@ class M4(SymmetryMethod):
     name = "m4"
     Settings = M4Settings
     settings: M4Settings
-    version = 3
+    version = 5
 
     def detect(self, points: Tensor) -> Planes:
         """The planes of one cloud (N, 3), computed where the points lie; see `detect_planes` for what it raises."""

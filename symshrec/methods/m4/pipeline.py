@@ -1,6 +1,8 @@
 """M4, our training-free detector: one cloud in, its mirror planes out."""
 
 from dataclasses import dataclass
+from functools import cached_property
+from math import cos, radians
 
 import numpy as np
 import torch
@@ -9,15 +11,15 @@ from torch import Tensor
 from symshrec.methods.fit.alignment import AlignmentSettings, aligned
 from symshrec.methods.fit.coupling import distinct
 from symshrec.methods.fit.density import Density
-from symshrec.methods.fit.evening import evened
+from symshrec.methods.fit.evening import EVEN, evened, unevenness
 from symshrec.methods.fit.floor import without_floor
 from symshrec.methods.fit.frame import Frame, checked, frame_of
 from symshrec.methods.fit.judgement import Judge
 from symshrec.methods.fit.likelihood import ascended, divergence
 from symshrec.methods.fit.polishing import polished, slid
 from symshrec.methods.fit.surface import Neighbours
-from symshrec.methods.m4.climb import FINE_POINTS, FINE_STEPS, LONGEST_STEP
-from symshrec.methods.m4.confidence import confidences, features, logits, surface_features
+from symshrec.methods.m4.climb import FINE_POINTS, FINE_STEPS, LONGEST_STEP, Scored
+from symshrec.methods.m4.confidence import confidences, features, logits, strict, surface_features
 from symshrec.methods.m4.density_search import DensitySearch
 from symshrec.methods.m4.settings import M4Settings
 from symshrec.methods.m4.surface_search import SurfaceSearch, repulsion
@@ -25,7 +27,12 @@ from symshrec.planes import Planes
 
 GROUP = 0.015  # divergence above the best plane's up to which planes are aligned together
 ALIGNED = 0.1  # least confidence of another plane that is aligned, on its own
-SURE = 0.9  # confidence of the best plane by density from which surface is not asked
+SURE = 0.9  # confidence by density from which a plane is sure
+ADDED, LIKELY, UNLIKELY = 0.89, 0.5, 0.3  # confidence of what surface adds to sure planes, at most; likely; unlikely
+LESSER, BESIDE = 0.07, 15.0  # value below a sure plane's, and degrees from one, at which a further plane is unlikely
+RIVAL = 0.1  # divergence above the best plane's up to which another plane of an even cloud may be a stressed symmetry
+WHOLE, THINNED = 0.15, 0.16  # its divergences in the cloud and in the evened one from which it is unlikely all the same
+FLAT, SHEET = 0.01, 0.3  # distance to a plane, and share of points no further from it: it is the cloud's own sheet
 NOISY = 1.0  # count · spacing² of the evened cloud, beyond which its points fill a volume rather than a surface
 WORTH = 0.5  # of the best plane's merit, of another that is aligned
 
@@ -41,17 +48,59 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """A cloud in its frame, what density finds in it, and the `finest` density."""
+    """A cloud in its frame, what density finds in it, and the `finest` density.
+
+    rivalled: whether the search came across a further plane that fits nearly as well as the best one.
+    """
 
     frame: Frame
     cloud: Neighbours
     found: Found
     finest: Density
+    rivalled: bool
 
     @property
     def sure(self) -> bool:
-        """Whether surface need not be asked."""
+        """Whether a plane is sure by density."""
         return bool((self.found.confidences >= SURE).any())
+
+    @cached_property
+    def uneven(self) -> float:
+        """See `unevenness`."""
+        return unevenness(self.cloud)
+
+    @property
+    def even(self) -> bool:
+        """Whether the cloud is an even sample, as far as density tells."""
+        return self.uneven <= EVEN
+
+    @property
+    def settled(self) -> bool:
+        """Whether surface need not be asked: an even cloud with a sure plane and no rival of it has no others."""
+        return self.sure and not self.rivalled and self.even
+
+    @property
+    def only_sheets(self) -> bool:
+        """Whether all that is sure are planes in which a large part of the cloud lies, as a floor does."""
+        sure = self.found.confidences >= SURE
+        heights = self.found.normals[sure] @ self.frame.points.T - self.found.offsets[sure, None]
+        return bool(((heights.abs() < FLAT).float().mean(1) > SHEET).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Planes of a cloud in its frame that may be symmetries: normals (K, 3), offsets (K,); those density found last.
+
+    features: (K, 13), see `surface_features`. value (K,): how much surface they mirror, see `strict`. whole, thinned
+    (K,): divergences in the cloud and in the evened one.
+    """
+
+    normals: Tensor
+    offsets: Tensor
+    features: Tensor
+    value: Tensor
+    whole: Tensor
+    thinned: Tensor
 
 
 @torch.inference_mode()
@@ -59,8 +108,9 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     """The mirror planes of one cloud, by descending confidence.
 
     Where the cloud is an even sample of a whole object, a plane is judged by how well the mirrored cloud fits the
-    cloud's own density. Where no plane is sure by that, a floor is set aside and planes are sought and judged by
-    surface: how much of it has a mirror image, wherever one could have been observed (see `Judgement`).
+    cloud's own density. Where no plane is sure by that, where another fits nearly as well as one that is, or where the
+    sample is uneven, planes are sought and judged by surface, off the floor: how much of it has a mirror image,
+    wherever one could have been observed (see `Judgement`).
 
     Confidence says how likely a plane is a symmetry. The order of the points and their position change nothing. Pose
     and scale change which points are used first and how the grid lies: on noisy clouds some hundredths of a degree, and
@@ -82,13 +132,13 @@ def detect_planes(points, settings: M4Settings | None = None) -> Planes:
     seen = observed(points, settings)
     if seen is None:
         return Planes.empty()
-    found = seen.found if seen.sure else found_by_surface(seen, settings)
+    found = seen.found if seen.settled else found_by_surface(seen, settings)
     kept = distinct(found.normals, -found.confidences, settings.separation_deg)[: settings.max_planes]
     return seen.frame.planes(found.normals[kept], found.offsets[kept], found.confidences[kept]).ranked()
 
 
 def observed(points, settings: M4Settings) -> Observed | None:
-    """What density finds in the points (N, 3); without the floor, where there is one and nothing sure with it.
+    """What density finds in the points (N, 3); without the floor, where there is one and nothing else is sure with it.
 
     Returns:
         None for points that have no planes.
@@ -97,7 +147,7 @@ def observed(points, settings: M4Settings) -> Observed | None:
     if frame is None:
         return None
     seen = found_by_density(frame, settings)
-    if seen.sure:
+    if not seen.only_sheets:
         return seen
     above = _off_the_floor(points, frame, settings)
     return seen if above is frame else found_by_density(above, settings)
@@ -106,7 +156,7 @@ def observed(points, settings: M4Settings) -> Observed | None:
 def found_by_density(frame: Frame, settings: M4Settings) -> Observed:
     """What a cloud is symmetric about as an even sample of a whole object, the best first."""
     cloud, search = Neighbours(frame.points), DensitySearch(frame.points, settings)
-    normals, offsets, divergences = search.planes()
+    (normals, offsets, divergences), left = search.planes()
     sureness = confidences(divergences, len(frame.points), settings.calibration)
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
     group = divergences < divergences.min() + GROUP
@@ -115,17 +165,54 @@ def found_by_density(frame: Frame, settings: M4Settings) -> Observed:
         if rows.any():
             tied = torch.full_like(offsets[rows], together, dtype=torch.bool)
             normals[rows], _, offsets[rows] = aligned(cloud, normals[rows], offsets[rows], tied, alignment)
-    return Observed(frame, cloud, Found(normals, offsets, sureness), search.densities[-1])
+    return Observed(
+        frame, cloud, Found(normals, offsets, sureness), search.densities[-1], _rivalled(left, normals, sureness)
+    )
+
+
+def _rivalled(left: Scored, normals: Tensor, sureness: Tensor) -> bool:
+    """Whether one of the planes left, away from the sure ones of normals (K, 3), fits nearly as well as the best."""
+    others, _, divergences = left
+    apart = _degrees_apart(others, normals[sureness >= SURE], BESIDE)
+    return bool((apart & (divergences < divergences.min() + RIVAL)).any())
+
+
+def _degrees_apart(normals: Tensor, others: Tensor, degrees: float) -> Tensor:
+    """Which of normals (K, 3) are over so many degrees from all others (J, 3)."""
+    return ((normals @ others.T).abs() <= cos(radians(degrees))).all(1)
 
 
 def found_by_surface(seen: Observed, settings: M4Settings) -> Found:
     """What a cloud is symmetric about as far as its surface was observed, beside what density found."""
-    normals, offsets, table = surface_candidates(seen, settings)
-    return Found(normals, offsets, torch.sigmoid(logits(table, settings.surface_calibration)))
+    candidates = surface_candidates(seen, settings)
+    sureness = torch.sigmoid(logits(candidates.features, settings.surface_calibration))
+    if seen.sure:
+        sureness = _beside_sure(seen, candidates, sureness)
+    return Found(candidates.normals, candidates.offsets, sureness)
 
 
-def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Tensor, Tensor]:
-    """Normals (K, 3), offsets (K,) and `surface_features` (K, 8) of what may be symmetries."""
+def _beside_sure(seen: Observed, candidates: Candidates, by_surface: Tensor) -> Tensor:
+    """Confidences (K,) where some planes are sure by density: these keep theirs, and come before what surface adds.
+
+    What surface adds must mirror about as much surface as a sure plane does, and not be one of them again. In an even
+    sample it must also be nearly likely: something is missing there, but not a large part.
+    """
+    by_density = torch.zeros_like(by_surface)
+    by_density[-len(seen.found.confidences) :] = seen.found.confidences
+    sure = by_density >= SURE
+    doubtful = candidates.value < candidates.value[sure].max() - LESSER
+    doubtful |= ~_degrees_apart(candidates.normals, candidates.normals[sure], BESIDE)
+    if seen.even:
+        doubtful |= (candidates.whole > WHOLE) | (candidates.thinned > THINNED)
+    doubtful &= by_density < LIKELY
+    confidences = by_surface.clamp_max(ADDED)
+    confidences = torch.where(doubtful, confidences.clamp_max(UNLIKELY), confidences)
+    confidences = torch.where(by_density >= LIKELY, torch.maximum(confidences, by_density), confidences)
+    return torch.where(sure, by_density, confidences)
+
+
+def surface_candidates(seen: Observed, settings: M4Settings) -> Candidates:
+    """What may be symmetries of a cloud as far as its surface was observed, with what speaks for each."""
     cloud, first = seen.cloud, seen.found
     thin = evened(cloud)
     judge = Judge(cloud.points[thin.rows], thin.spacing)
@@ -148,7 +235,9 @@ def surface_candidates(seen: Observed, settings: M4Settings) -> tuple[Tensor, Te
     thinned = divergence(fine, even[:FINE_POINTS], normals, offsets) - repulsion(fine, cloud.points, thin.rows)
     by_density = logits(features(whole, len(cloud.points)), settings.calibration)
     judgement = judge(normals, offsets)
-    return normals, offsets, surface_features(by_density, thinned, judgement, len(even), thin.spacing)
+    cloud_is = len(even), thin.spacing, seen.uneven, seen.sure
+    table = surface_features(by_density, thinned, judgement, *cloud_is)
+    return Candidates(normals, offsets, table, strict(judgement), whole, thinned)
 
 
 def _off_the_floor(points, frame: Frame, settings: M4Settings) -> Frame:

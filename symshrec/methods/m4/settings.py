@@ -8,7 +8,11 @@ from symshrec.methods.settings import HARMLESS, MethodSettings, check_ranges
 # Intercept, then weights of the features of `confidence`. `experiments/calibrate.py` fits these on clouds of the
 # training split; results/calibration.json is its record.
 CALIBRATION = (1.759, -82.546, -60.19, 236.37)
-SURFACE_CALIBRATION = (-29.444, 0.195, -4.238, 5.5, -6.012, -1.215, -2.309, 2.358, -0.534)  # of `surface_features`
+# Of `surface_features`, by `experiments/calibrate_surface.py`; results/surface_calibration.json.
+SURFACE_CALIBRATION = (
+    *(-20.699, 0.149, -3.021, 0.802, -4.198, 2.213, -9.27, -1.854, 0.65),
+    *(-0.397, 0.75, 0.223, 0.975, 5.983),
+)
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,7 @@ class M4Settings(MethodSettings):
         together: whether planes whose images in each other are planes as well are estimated together.
         rounds: of point-to-plane alignment at most; 0 suffices for 1° and 1 %.
         calibration: intercept and weights of the logistic regression that gives confidences (see `confidence`).
-        surface_calibration: the same, where no plane is sure by density and surface decides.
+        surface_calibration: the same, where density does not settle all and surface decides.
 
     Raises:
         ValueError: naming the setting that is out of its range.

@@ -30,6 +30,7 @@ from symshrec.reporting.tables.results import (
     provenance,
     scored_at,
 )
+from symshrec.reporting.tables.sampling import sampling_note
 from symshrec.reporting.tables.sweep import sweep_grids, sweep_rows, swept
 from symshrec.reporting.tables.typeset import Grid, Text
 
@@ -251,7 +252,8 @@ def _page(document: Document, results: Sequence[dict], missing: Sequence[str] = 
     check_comparable(results)
     grids = [grid for layout in document.layouts for grid in table_grids(layout, results)]
     rows = (row for layout in document.layouts for row in table_rows(layout, results))
-    note, table = _note(results, missing), csv_text(CSV_COLUMNS, rows)
+    note = " ".join(filter(None, (_note(results, missing), sampling_note(results, document.layouts))))
+    table = csv_text(CSV_COLUMNS, rows)
     return Page(document.name, document.title, grids, note, provenance(results), table)
 
 

@@ -26,7 +26,10 @@ FIELDS = {  # of a metrics.json, as far as tables and figures read it; what may 
 DATA = {"name": (str,), "split": (str,), "clouds": (int,), "manifest_sha256": (str, *NONE)}
 CODE = {"version": (str,), "commit": (str, *NONE)}
 PARTS: dict[str, dict[str, tuple]] = {  # what the lists hold
-    "scores": {"metric": (str,), "group": (str,), "theta_deg": NUMBER, "epsilon": NUMBER, "value": NUMBER + NONE},
+    "scores": {
+        **{"metric": (str,), "group": (str,), "theta_deg": NUMBER, "epsilon": NUMBER, "value": NUMBER + NONE},
+        **{"clouds": (int, *NONE), "standard_error": NUMBER + NONE},
+    },
     "weights": {"name": (str,), "sha256": (str,), "about": (str,)},
     "precision_recall": {"theta_deg": NUMBER, "epsilon": NUMBER, "precision": (list,)},
 }
@@ -100,20 +103,23 @@ def find_score(
     Raises:
         ValueError: naming file, metric and group, where the score is absent or outside [0, 1].
     """
-    for score in result["scores"]:
-        if score["metric"] == metric and score["group"] == group and _at(score, theta_deg, epsilon):
-            break
-    else:
-        raise ValueError(
-            f"{source(result)} has no score for metric {metric}, group {group} at θ = {theta_deg:g}°, "
-            f"ε = {epsilon:.4g}; evaluate the whole split at these tolerances"
-        )
-    value = score["value"]
+    value = score_row(result, metric, group, theta_deg, epsilon)["value"]
     if value is None or math.isnan(value):
         return None
     if not 0 <= value <= 1:
         raise ValueError(f"{source(result)}: metric {metric}, group {group} is {value}, outside [0, 1]")
     return float(value)
+
+
+def score_row(result: dict, metric: str, group: str, theta_deg: float, epsilon: float) -> dict:
+    """The entry of `scores` that holds one score; ValueError where there is none."""
+    for score in result["scores"]:
+        if score["metric"] == metric and score["group"] == group and _at(score, theta_deg, epsilon):
+            return score
+    raise ValueError(
+        f"{source(result)} has no score for metric {metric}, group {group} at θ = {theta_deg:g}°, "
+        f"ε = {epsilon:.4g}; evaluate the whole split at these tolerances"
+    )
 
 
 def _at(score: dict, theta_deg: float, epsilon: float) -> bool:

@@ -26,7 +26,13 @@ class Rows:
     left_out: list[str]
 
 
-def find_rows(folder: Path, listed: Sequence[str], apart: Collection[str] = (), manifest: str | None = None) -> Rows:
+def find_rows(
+    folder: Path,
+    listed: Sequence[str],
+    apart: Collection[str] = (),
+    manifest: str | None = None,
+    optional: Collection[str] = (),
+) -> Rows:
     """Read the listed runs in a folder of runs, and all others that have ended there.
 
     A listed run must be fit for the table; another one is left out with the reason where it is partial, on other
@@ -36,14 +42,17 @@ def find_rows(folder: Path, listed: Sequence[str], apart: Collection[str] = (), 
     Args:
         folder: runs/<data>. listed: folders in there. apart: folders in there that belong in no table.
         manifest: hash of the data as it is now; None where that is not known.
+        optional: listed ones that are not missed, and left out where they were measured on another version of the data.
 
     Raises:
         ValueError: naming file and field of a listed result that is damaged, or the listed runs on another version of
             the data.
     """
     found = {name: read_result(path) for name in listed if (path := folder / name / METRICS_FILE).exists()}
-    missing = [name for name in listed if name not in found]
-    left_out = [_partial(folder / name, result) for name, result in found.items() if result.get("partial")]
+    missing = [name for name in listed if name not in found and name not in optional]
+    old = {name for name in optional if name in found and manifest not in (None, _manifest(found[name]))}
+    left_out = [_old(folder / name, found.pop(name)) for name in listed if name in old]
+    left_out += [_partial(folder / name, result) for name, result in found.items() if result.get("partial")]
     results = {name: result for name, result in found.items() if not result.get("partial")}
     _check_manifest(results, manifest)
     others = {}
@@ -72,7 +81,7 @@ def _others(folder: Path, known: Collection[str]) -> Iterator[str]:
 
 def _reference(results: Collection[dict], manifest: str | None) -> dict | None:
     """The result over most clouds, on the data as they are now where that is known."""
-    fitting = (each for each in results if manifest in (None, each["data"].get("manifest_sha256")))
+    fitting = (each for each in results if manifest in (None, _manifest(each)))
     return max(fitting, key=lambda each: each["data"]["clouds"], default=None)
 
 
@@ -91,6 +100,14 @@ def _unfit(place: Path, result: dict, reference: dict | None) -> str:
     return ""
 
 
+def _old(place: Path, result: dict) -> str:
+    return f"{place} was measured on another version of the data ({describe_data(result)})"
+
+
+def _manifest(result: dict) -> str | None:
+    return result["data"].get("manifest_sha256")
+
+
 def _partial(place: Path, result: dict) -> str:
     return f"{place} ended after {result['data']['clouds']} clouds, before the last; {AGAIN}, without a limit"
 
@@ -98,7 +115,7 @@ def _partial(place: Path, result: dict) -> str:
 def _check_manifest(results: dict[str, dict], manifest: str | None) -> None:
     if manifest is None:
         return
-    stale = [name for name, result in results.items() if result["data"].get("manifest_sha256") != manifest]
+    stale = [name for name, result in results.items() if _manifest(result) != manifest]
     if stale:
         listed = ", ".join(f"{name} ({describe_data(results[name])})" for name in stale)
         raise ValueError(
