@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from symshrec.cli import EXIT_STATUSES
 from symshrec.cli.arguments import count, setting, share, tolerance, whole
-from symshrec.cli.colours import BOLD, RED, painted
+from symshrec.cli.colours import RED, painted
 from symshrec.cli.outputs import STEM, out_path
 from symshrec.files.atomic import write_atomically
 from symshrec.geometry.residuals import mirror_deviations, mismatch
@@ -24,6 +24,7 @@ from symshrec.planes import Planes
 from symshrec.planes.groups import ANGLE_DEG
 from symshrec.scans import MOST_SAMPLES, SAMPLES, STDIN, listed, read_cloud, stem_of
 from symshrec.scans.example import EXAMPLE, write_example
+from symshrec.scans.palette import colour_escape
 from symshrec.scans.report import Detection, Measured, as_json, as_table, diagonal_of, printable, shown
 from symshrec.scans.writing import write_shape
 
@@ -126,7 +127,11 @@ def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Fo
     for note in detection.cloud.notes:
         _say(f"{shown(path)}: {note}", sys.stderr)
     if options.json != "-":
-        _say(as_table(detection, threshold, options.list, lambda text: painted(text, BOLD, sys.stdout)), sys.stdout)
+        _say(as_table(detection, threshold, options.list, _in_colour), sys.stdout)
+
+
+def _in_colour(text: str, colour: int) -> str:
+    return painted(text, colour_escape(colour), sys.stdout)
 
 
 def detect_file(
@@ -225,20 +230,21 @@ def _write(detection: Detection, options: argparse.Namespace) -> None:
 
 
 def _plot(detection: Detection, out: Path, options: argparse.Namespace) -> None:
-    from symshrec.reporting.figures.detection import Found, picture
+    from symshrec.reporting.figures.detection import picture
+    from symshrec.reporting.figures.subject import MAPPED, Subject
 
     cloud, planes, mapped = detection.cloud, detection.planes, options.colour == "deviation"
-    found = Found(cloud.points, planes, cloud.mesh, detection.group)
+    subject = Subject(cloud.points, planes, cloud.mesh, detection.group)
     if out.suffix.lower() == ".html":
-        from symshrec.reporting.figures.page import MAPPED, cloud_page
+        from symshrec.reporting.figures.page import cloud_page
 
         deviations = _deviations(detection, planes[:MAPPED]) if mapped else None
-        content = cloud_page(found, shown(Path(detection.path.name)), deviations).encode()
+        content = cloud_page(subject, shown(Path(detection.path.name)), deviations).encode()
     else:
         if mapped:
             (deviations,) = _deviations(detection, _chosen(detection, options.plane))
-            found = replace(found, deviations=deviations, number=options.plane)
-        content = picture(found)
+            subject = replace(subject, deviations=deviations, number=options.plane)
+        content = picture(subject)
     write_atomically(out, content, sync=False)
 
 

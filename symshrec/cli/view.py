@@ -14,10 +14,10 @@ from symshrec.cli.arguments import whole
 from symshrec.cli.sources import holds_shards, open_results, warnings_as_lines
 from symshrec.geometry.residuals import mirror_deviations
 from symshrec.planes import Planes
+from symshrec.reporting.figures.subject import MAPPED
 from symshrec.scans import STDIN, STDIN_NAME, listed, read_cloud, stem_of
 from symshrec.scans.polygons import Mesh
 
-MAPPED = 8  # predicted planes that the points' deviations are shown to
 SHARDS_SPLIT = "test"  # as `symshrec score`
 
 

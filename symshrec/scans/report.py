@@ -11,7 +11,7 @@ import numpy as np
 from symshrec import __version__
 from symshrec.planes import Planes, PointGroup
 from symshrec.scans import STDIN, STDIN_NAME, FileCloud
-from symshrec.scans.palette import colour_code, colour_name
+from symshrec.scans.palette import colour_code, colour_name, colour_number
 
 FORMAT = "symshrec detections 1"  # a new number where a field changes its meaning or goes; new fields may come
 HEADER = ["", "colour", "normal", "offset", "point", "confidence", "support", "mean residual", "% of diagonal"]
@@ -74,8 +74,12 @@ class Detection:
 
     def rows(self) -> list[dict]:
         """One plane a row, with its number and colour, as in the JSON."""
-        rows = self.found.rows(self.diagonal)
-        return [{"number": row, "colour": colour_code(row), **each} for row, each in enumerate(rows, 1)]
+        rows = enumerate(self.found.rows(self.diagonal))
+        return [{"number": row + 1, "colour": colour_code(self.colour(row)), **each} for row, each in rows]
+
+    def colour(self, row: int) -> int:
+        """The number that the plane at a place has its colour by."""
+        return colour_number(self.planes, self.group, row)
 
     def group_fields(self) -> dict:
         """The group, as in the JSON; planes by their numbers."""
@@ -129,12 +133,15 @@ def as_json(
 
 
 def as_table(
-    detection: Detection, min_confidence: float, listed: bool = False, mark: Callable[[str], str] = str
+    detection: Detection, min_confidence: float, listed: bool = False, mark: Callable[[str, int], str] | None = None
 ) -> str:
     """A heading, one line a plane with its columns aligned, and what group they make.
 
     Planes of a surface of revolution or of a sphere, which stand for infinitely many, are a sentence in place of lines,
-    unless `listed`; `mark` makes the planes' numbers stand out.
+    unless `listed`.
+
+    Args:
+        mark: makes a plane's number stand out in its colour, whose number is the second argument.
     """
     name = shown(detection.path)
     rows, diagonal, group = detection.rows(), detection.diagonal, detection.group
@@ -143,20 +150,27 @@ def as_table(
         return f"{name}: no mirror plane of confidence {min_confidence:g} or more ({points})"
     plural = "s" * (len(rows) > 1)
     points += f", asymmetry {detection.asymmetry:.{SHARE}f}"
-    title = f"{name}: {len(rows)} mirror plane{plural} ({points})"
+    lines = [f"{name}: {len(rows)} mirror plane{plural} ({points})"]
     if group.continuous and not listed:
         rows = [rows[place] for place in group.outside]
-    lines = _aligned([HEADER, *(_cells(row, diagonal) for row in rows)], mark) if rows else []
-    offered = detection.missing.rows(diagonal)
-    missing = [["missing", "", *_cells({"number": "", "colour": "", **row}, diagonal)[2:]] for row in offered]
-    return "\n".join([title, *lines, group.describe(), *(_aligned(missing, str) if missing else [])])
+    if rows:
+        colours = [detection.colour(row["number"] - 1) for row in rows]
+        cells = [
+            [str(row["number"]), colour_name(colour), *_figures(row, diagonal)]
+            for row, colour in zip(rows, colours, strict=True)
+        ]
+        header, *aligned = _aligned([HEADER, *cells])
+        wide = max(len(number) for number, *_ in cells)
+        if mark is not None:
+            aligned = [mark(each[:wide], colour) + each[wide:] for each, colour in zip(aligned, colours, strict=True)]
+        lines += [header, *aligned]
+    missing = [["missing", "", *_figures(row, diagonal)] for row in detection.missing.rows(diagonal)]
+    return "\n".join([*lines, group.describe(), *(_aligned(missing) if missing else [])])
 
 
-def _cells(row: dict, diagonal: float) -> list[str]:
+def _figures(row: dict, diagonal: float) -> list[str]:
     decimals = max(0, FIGURES - 1 - int(np.floor(np.log10(diagonal))))
     return [
-        str(row["number"]),
-        colour_name(row["number"]) if row["number"] else "",
         _vector(row["normal"], 5),
         f"{row['offset']:.{decimals}f}",
         _vector(row["point"], decimals),
@@ -168,10 +182,9 @@ def _cells(row: dict, diagonal: float) -> list[str]:
     ]
 
 
-def _aligned(cells: list[list[str]], mark: Callable[[str], str]) -> list[str]:
+def _aligned(cells: list[list[str]]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    padded = [[cell.rjust(width) for cell, width in zip(row, widths, strict=True)] for row in cells]
-    return ["  ".join([mark(number), *rest]) for number, *rest in padded]
+    return ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
 
 
 def shown(path: Path) -> str:

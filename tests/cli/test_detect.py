@@ -161,7 +161,7 @@ def test_plane_numbers_stand_out_in_a_terminal(box, monkeypatch):
     monkeypatch.setattr(sys, "stdout", Terminal())
     assert run(box, "--samples", 300) == 0
     rows = sys.stdout.getvalue().splitlines()[2:-1]  # between the header and the group
-    assert [row.partition("  ")[0] for row in rows] == ["\033[1m1\033[0m", "\033[1m2\033[0m"]
+    assert [row.partition("  ")[0] for row in rows] == ["\033[1;38;5;166m1\033[0m", "\033[1;38;5;25m2\033[0m"]
 
 
 @pytest.mark.parametrize(

@@ -5,17 +5,19 @@ from html import escape
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from symshrec.reporting.figures.detection import DIVERGING, GREY, MANY, Found
+from symshrec.planes.wording import headline
 from symshrec.reporting.figures.outlines import round_length, view_of
+from symshrec.reporting.figures.shading import DIVERGING, GREY
+from symshrec.reporting.figures.subject import MAPPED, Subject
 
 SHOWN = 20_000  # points of a larger cloud, evenly spread over its order
-MAPPED = 8  # planes that deviations can be shown to
+CLOSE, FAINTEST = 0.95, 0.06  # how near the page looks from at first; least opacity of a plane
 WHOLE_WINDOW = "<style>body { margin: 0; overflow: hidden }</style>"
 SOLID, PLAIN = "rgb({},{},{})".format(*np.round(255 * GREY).astype(int)), "#3b4252"
 AXIS = {"showbackground": False, "gridcolor": "#e5e7eb", "zeroline": False, "showspikes": False, "color": "#555"}
 
 
-def cloud_page(found: Found, title: str = "", deviations: np.ndarray | None = None) -> str:
+def cloud_page(subject: Subject, title: str = "", deviations: np.ndarray | None = None) -> str:
     """One self-contained html page of about 5 MB, nearly all of it plotly's own script.
 
     Faces are drawn where there are some. Each plane has the colour and number that it has in the table, is cut to the
@@ -30,40 +32,47 @@ def cloud_page(found: Found, title: str = "", deviations: np.ndarray | None = No
     """
     import plotly.graph_objects as go
 
-    points = np.asarray(found.points, dtype=np.float64)
+    points = np.asarray(subject.points, dtype=np.float64)
     origin = points.mean(axis=0)
-    figure = go.Figure([*_shape(go, found, points, origin), *_deviations(go, found, points, origin, deviations)])
-    for row in range(len(found.planes)):
-        figure.add_traces(_plane_traces(go, found, row, origin))
-    figure.add_traces(_lines(go, found, points, origin))
-    towards = view_of(found.planes).axes[2]
+    figure = go.Figure([*_shape(go, subject, points, origin), *_deviations(go, subject, points, origin, deviations)])
+    names = [_name(subject, row) for row in range(len(subject.planes))]
+    for row, name in enumerate(names):
+        figure.add_traces(_plane_traces(go, subject, row, origin, first=names.index(name) == row))
+    figure.add_traces(_lines(go, subject, points, origin))
+    towards = view_of(subject.planes).axes[2]
     figure.update_layout(
-        title={"text": escape(title)},
+        title={"text": _heading(title, subject), "x": 0.01},
         template="plotly_white",
-        margin={"l": 0, "r": 0, "b": 0, "t": 48},
+        margin={"l": 0, "r": 0, "b": 0, "t": 64},
         legend={"x": 0.01, "y": 0.98, "itemsizing": "constant"},
-        updatemenus=_menu(figure, found, deviations),
+        updatemenus=_menu(figure, subject, deviations),
         scene={
             "aspectmode": "data",
             **{f"{name}axis": _ticks(points[:, axis], origin[axis], name) for axis, name in enumerate("xyz")},
-            "camera": {"projection": {"type": "orthographic"}, "eye": dict(zip("xyz", 1.35 * towards, strict=True))},
+            "camera": {"projection": {"type": "orthographic"}, "eye": dict(zip("xyz", CLOSE * towards, strict=True))},
         },
     )
     page = figure.to_html(include_plotlyjs=True, default_height="100vh", config={"displaylogo": False})
     return page.replace("<head>", f"<head><title>{escape(title)}</title>{WHOLE_WINDOW}", 1)
 
 
+def _heading(title: str, subject: Subject) -> str:
+    """The file's name, and below it the planes' group."""
+    below = "" if subject.group is None else f"<br><sup>{escape(headline(subject.group))}</sup>"
+    return escape(title) + below
+
+
 def _some(points: np.ndarray) -> np.ndarray:
     return np.linspace(0, len(points) - 1, min(SHOWN, len(points))).astype(int)
 
 
-def _shape(go, found: Found, points: np.ndarray, origin: np.ndarray) -> list:
+def _shape(go, subject: Subject, points: np.ndarray, origin: np.ndarray) -> list:
     """The faces of a mesh, or the points of a cloud."""
-    if found.mesh is not None:
-        corners = dict(zip("ijk", found.mesh.triangles.astype(np.int32).T, strict=True))
+    if subject.mesh is not None:
+        corners = dict(zip("ijk", subject.mesh.triangles.astype(np.int32).T, strict=True))
         look = {"ambient": 0.55, "diffuse": 0.7, "specular": 0.05, "facenormalsepsilon": 0, "vertexnormalsepsilon": 0}
-        name = f"{len(found.mesh.triangles):,} triangles"
-        mesh = _coordinates(found.mesh.vertices, origin)
+        name = f"{len(subject.mesh.triangles):,} triangles"
+        mesh = _coordinates(subject.mesh.vertices, origin)
         return [go.Mesh3d(**mesh, **corners, color=SOLID, flatshading=True, lighting=look, name=name, hoverinfo="skip",
                           showlegend=True)]  # fmt: skip
     marker = {"size": 1.6, "color": PLAIN}
@@ -72,11 +81,11 @@ def _shape(go, found: Found, points: np.ndarray, origin: np.ndarray) -> list:
     return [go.Scatter3d(**some, mode="markers", marker=marker, name=name, hoverinfo="skip")]
 
 
-def _deviations(go, found: Found, points: np.ndarray, origin: np.ndarray, deviations: np.ndarray | None) -> list:
+def _deviations(go, subject: Subject, points: np.ndarray, origin: np.ndarray, deviations: np.ndarray | None) -> list:
     """The points in the colours of their deviation, hidden until the menu shows them; a trace for each plane."""
     traces, some = [], _some(points)
     for row, values in enumerate([] if deviations is None else deviations[:MAPPED]):
-        limit = Found(points, found.planes, deviations=values).limit
+        limit = Subject(points, subject.planes, deviations=values).limit
         bar = {"title": {"text": f"distance from the mirror image in plane {row + 1}", "side": "right"}, "len": 0.7}
         marker = {"size": 2.2, "color": values[some].astype(np.float32), "cmin": -limit, "cmax": limit}
         marker |= {"colorscale": DIVERGING.removesuffix("_r"), "reversescale": True, "colorbar": bar}
@@ -95,7 +104,7 @@ def _deviations(go, found: Found, points: np.ndarray, origin: np.ndarray, deviat
     return traces
 
 
-def _menu(figure, found: Found, deviations: np.ndarray | None) -> list[dict]:
+def _menu(figure, subject: Subject, deviations: np.ndarray | None) -> list[dict]:
     """A choice between the bare shape and the deviations to one of the planes."""
     count = 0 if deviations is None else len(deviations[:MAPPED])
     if not count:
@@ -109,19 +118,18 @@ def _menu(figure, found: Found, deviations: np.ndarray | None) -> list[dict]:
     return [{"buttons": buttons, "x": 0.99, "xanchor": "right", "y": 0.99, "yanchor": "top"}]
 
 
-def _plane_traces(go, found: Found, row: int, origin: np.ndarray) -> list:
-    """A translucent rectangle, its edge, and its number at a corner."""
-    corners, colour = found.outline(row), found.colour(row)
-    name = f"plane {row + 1}, confidence {found.planes.confidences[row]:.2f}"
+def _plane_traces(go, subject: Subject, row: int, origin: np.ndarray, first: bool) -> list:
+    """A translucent rectangle, its edge, and its number; `first` of those that share a line of the legend."""
+    corners, colour, name = subject.outline(row), subject.colour(row), _name(subject, row)
     shared = {"name": name, "legendgroup": name}
     place = _coordinates(corners, origin)
     ring = _coordinates(np.concatenate([corners, corners[:1]]), origin)
     flat = {"ambient": 1.0, "diffuse": 0.0}
-    face = go.Mesh3d(**place, i=[0, 0], j=[1, 2], k=[2, 3], color=colour, opacity=max(found.alpha, 0.06), lighting=flat,
-                     hoverinfo="name", showlegend=True, **shared)  # fmt: skip
-    edge = go.Scatter3d(**ring, mode="lines", line={"color": colour, "width": 4}, showlegend=False, hoverinfo="skip",
-                        **shared)  # fmt: skip
-    if len(found.planes) > MANY:
+    shade = {"color": colour, "opacity": max(subject.alpha, FAINTEST), "lighting": flat, "hoverinfo": "name"}
+    face = go.Mesh3d(**place, i=[0, 0], j=[1, 2], k=[2, 3], **shade, **shared)
+    edge = go.Scatter3d(**ring, mode="lines", line={"color": colour, "width": 4}, hoverinfo="skip",
+                        showlegend=first, **shared)  # fmt: skip
+    if not subject.numbered(row):
         return [face, edge]
     corner = _coordinates(corners[:1], origin)
     number = go.Scatter3d(**corner, mode="text", text=[f"<b>{row + 1}</b>"], textfont={"color": colour, "size": 18},
@@ -129,7 +137,16 @@ def _plane_traces(go, found: Found, row: int, origin: np.ndarray) -> list:
     return [face, edge, number]
 
 
-def _lines(go, found: Found, points: np.ndarray, origin: np.ndarray) -> list:
+def _name(subject: Subject, row: int) -> str:
+    """A plane's line in the legend; those of a surface of revolution share one."""
+    if subject.numbered(row):
+        return f"plane {row + 1}, confidence {subject.planes.confidences[row]:.2f}"
+    count = sum(not subject.numbered(each) and subject.colour(each) == subject.colour(row)
+                for each in range(len(subject.planes)))  # fmt: skip
+    return f"{count} planes of the axis" if count > 1 else "the plane across the axis"
+
+
+def _lines(go, subject: Subject, points: np.ndarray, origin: np.ndarray) -> list:
     """The scale bar, and the axis of a surface of revolution."""
     low, high = points.min(axis=0), points.max(axis=0)
     axis = int(np.argmax((high - low)[:2]))
@@ -145,10 +162,18 @@ def _lines(go, found: Found, points: np.ndarray, origin: np.ndarray) -> list:
         name="scale, in the file's unit",
         hoverinfo="skip",
     )
-    if found.axis is None:
+    if subject.axis is None:
         return [bar]
     line = {"color": "black", "width": 4, "dash": "dashdot"}
-    return [bar, go.Scatter3d(**_coordinates(found.axis, origin), mode="lines", line=line, name="axis of revolution")]
+    return [
+        bar,
+        go.Scatter3d(
+            **_coordinates(subject.axis, origin),
+            mode="lines",
+            line=line,
+            name="axis of revolution" if subject.group.continuous else f"axis of order {subject.group.axes[0].order}",
+        ),
+    ]
 
 
 def _ticks(values: np.ndarray, origin: float, name: str) -> dict:

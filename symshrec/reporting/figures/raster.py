@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from matplotlib.path import Path as Outline
 
 from symshrec.reporting.figures.drawing import View
 
@@ -17,7 +16,7 @@ NOTHING = -np.inf
 
 @dataclass(frozen=True, eq=False)
 class Pane:
-    """A plane to draw: its corners (V, 3) in order, its colour, and how much it hides."""
+    """A plane to draw: its convex corners (V, 3) in order, its colour, and how much it hides."""
 
     corners: np.ndarray
     colour: str
@@ -45,15 +44,20 @@ class Canvas:
         flat = (places @ self.view.axes[:2].T - self.middle) / self.half
         return (flat * [1, -1] + 1) / 2 * self.size - 0.5, places @ self.view.axes[2]
 
+    def places(self, depth: np.ndarray) -> np.ndarray:
+        """What is seen in every pixel at depths (size, size): (size, size, 3)."""
+        grid = self.half * ((np.arange(self.size) + 0.5) / self.size * 2 - 1)
+        right, up = np.broadcast_arrays(self.middle[0] + grid[None, :], self.middle[1] - grid[:, None])
+        return np.stack([right, up, depth], axis=-1) @ self.view.axes
 
-def render(canvas: Canvas, points: np.ndarray, colours: np.ndarray, radius: float, panes: list[Pane]) -> np.ndarray:
-    """The picture (size, size, 3), from 0 to 1, on white.
+
+def render(canvas: Canvas, depth: np.ndarray, image: np.ndarray, panes: list[Pane]) -> np.ndarray:
+    """The picture (size, size, 3), from 0 to 1.
 
     Args:
-        points: (N, 3). colours: (N, 3). radius: of a point, in pixels.
+        depth: (size, size) of the shape, -∞ beside it. image: (size, size, 3), its colours.
     """
-    depth, image = _splat(canvas, points, colours, radius)
-    there = np.isfinite(depth)
+    image, there = image.copy(), np.isfinite(depth)
     image[there] *= _relief(depth, canvas.half)[there][:, None]
     layers = [(_plane_depth(canvas, pane), np.array(to_rgb(pane.colour)), pane.alpha) for pane in panes]
     if layers:
@@ -68,8 +72,12 @@ def render(canvas: Canvas, points: np.ndarray, colours: np.ndarray, radius: floa
     return image.clip(0, 1)
 
 
-def _splat(canvas: Canvas, points: np.ndarray, colours: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
-    """Depths (size, size) and colours (size, size, 3) of discs, the nearest in front."""
+def splat(canvas: Canvas, points: np.ndarray, colours: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Depths (size, size), -∞ where nothing is, and colours (size, size, 3) on white, of discs, the nearest in front.
+
+    Args:
+        points: (N, 3). colours: (N, 3). radius: of a disc, in pixels.
+    """
     places, depths = canvas.pixels(points)
     order = np.argsort(depths)  # so that of two in one pixel the nearer is written last
     places, depths, colours = np.round(places[order]).astype(int), depths[order], colours[order]
@@ -104,11 +112,13 @@ def _plane_depth(canvas: Canvas, pane: Pane) -> np.ndarray:
     right, up, towards = canvas.view.axes
     if length == 0 or abs(normal @ towards) < 1e-3 * length:
         return missing
-    grid = (np.arange(canvas.size) + 0.5) / canvas.size * 2 - 1
-    x, y = canvas.middle[0] + canvas.half * grid[None, :], canvas.middle[1] - canvas.half * grid[:, None]
+    grid = canvas.half * ((np.arange(canvas.size) + 0.5) / canvas.size * 2 - 1)
+    x, y = canvas.middle[0] + grid[None, :], canvas.middle[1] - grid[:, None]
     depth = (normal @ pane.corners[0] - x * (normal @ right) - y * (normal @ up)) / (normal @ towards)
-    pixels = np.stack(np.meshgrid(np.arange(canvas.size), np.arange(canvas.size)), -1).reshape(-1, 2)
-    inside = Outline(canvas.pixels(pane.corners)[0]).contains_points(pixels).reshape(depth.shape)
+    inside = np.ones(depth.shape, dtype=bool)
+    flat = pane.corners @ np.stack([right, up], axis=1)
+    for (ax, ay), (bx, by) in zip(flat, np.roll(flat, -1, axis=0), strict=True):
+        inside &= ((bx - ax) * (y - ay) - (by - ay) * (x - ax)) * np.sign(normal @ towards) >= 0
     return np.where(inside, depth, missing)
 
 

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from symshrec.planes import Planes
 from symshrec.reporting.figures.drawing import POINTS, PREDICTED, TRUE
 from symshrec.reporting.figures.outlines import outline, round_length
-from symshrec.scans.palette import colour_code
+from symshrec.scans.palette import colour_code, colour_number
 from symshrec.scans.polygons import Mesh
 
 OPACITY = 0.35
@@ -42,7 +42,7 @@ def register(
     """Hand a shape and its planes to an initialised Polyscope.
 
     True planes are blue and predicted ones vermilion where both are there; predicted ones alone have the colours of
-    their numbers, as in the table of `symshrec detect`. Each set is a group that can be hidden as one; planes are cut
+    their numbers, as `symshrec detect` gives them. Each set is a group that can be hidden as one; planes are cut
     to the shape's extent.
 
     Args:
@@ -70,12 +70,13 @@ def register(
         if layer is None or not len(layer):
             continue
         group = polyscope.create_group(title)
+        group_of = layer.group(extent) if layer is predicted and planes is None and extent else None
         for number, (normal, point, confidence) in enumerate(
             zip(layer.normals, layer.points, layer.confidences, strict=True), 1
         ):
             named = f"{title.removesuffix('s')} {number}"
             named += f", confidence {confidence:.2f}" * (layer is predicted)
-            own = colour_code(number) if layer is predicted and planes is None else colour
+            own = colour_code(colour_number(layer, group_of, number - 1)) if group_of else colour
             corners, faces = outline(points, normal, point), np.array([[0, 1, 2], [0, 2, 3]])
             drawn = polyscope.register_surface_mesh(
                 named, corners, faces, color=to_rgb(own), transparency=OPACITY, edge_width=0.0
