@@ -21,7 +21,7 @@ from symshrec.methods import DEFAULT
 from symshrec.methods.detector import Detector, made
 from symshrec.methods.fit import refined
 from symshrec.methods.registry import check_method_name
-from symshrec.planes import Planes
+from symshrec.planes import Planes, PointGroup, point_group
 from symshrec.runs.config import as_overrides, load, settings_of
 
 if TYPE_CHECKING:
@@ -36,6 +36,11 @@ class TensorPlanes(NamedTuple):
     normals: Tensor
     points: Tensor
     confidences: Tensor
+
+    def group(self, diagonal: float | None = None, angle_deg: float = 1.0, distance: float = 0.01) -> PointGroup:
+        """The point group that the planes make, in NumPy arrays; see `Planes.group`."""
+        normals, points = (each.detach().cpu().double().numpy() for each in (self.normals, self.points))
+        return point_group(normals, points, diagonal, angle_deg, distance)
 
 
 def detect(

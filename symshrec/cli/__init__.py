@@ -1,6 +1,6 @@
-"""The command line: `symshrec detect`, `view`, `score` and `export` for people's own clouds and results, and the
-benchmark's `generate`, `train`, `evaluate`, `tables`, `reproduce`, `figures` and `bench`, which are Hydra commands over
-conf/."""
+"""The command line: `symshrec detect`, `symmetrise`, `complete`, `align`, `view`, `score` and `export` for people's own
+clouds and results, and the benchmark's `generate`, `train`, `evaluate`, `tables`, `reproduce`, `figures` and `bench`,
+which are Hydra commands over conf/."""
 
 import argparse
 import os
@@ -14,6 +14,9 @@ from symshrec.cli.colours import RED, painted
 
 OWN = {
     "detect": "find the mirror planes of clouds and meshes",
+    "symmetrise": "average a cloud or a mesh with its mirror images",
+    "complete": "fill the missing side of a scan from its mirror image",
+    "align": "bring a cloud or a mesh upright by its planes",
     "view": "look at a cloud and its planes, true and predicted, in a window",
     "score": "score a folder of results as the track's organisers did",
     "export": "write shards or predictions as the track's own text files",

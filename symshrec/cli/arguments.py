@@ -25,6 +25,13 @@ def angle(text: str) -> float:
     return _between(text, 90)
 
 
+def tolerance(text: str) -> float:
+    """Degrees above 0 and up to 5, of planes that make a group."""
+    if (value := _between(text, 5)) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not above 0")
+    return value
+
+
 def share(text: str) -> float:
     """A finite number from 0 on."""
     return _between(text, math.inf)

@@ -3,7 +3,7 @@
 import os
 from typing import TextIO
 
-BOLD, RED = "1", "31"
+RED = "31"
 
 
 def painted(text: str, colour: str, stream: TextIO) -> str:

@@ -3,25 +3,30 @@
 import argparse
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
 
+import numpy as np
 from tqdm import tqdm
 
 from symshrec.cli import EXIT_STATUSES
-from symshrec.cli.arguments import count, setting, share, whole
-from symshrec.cli.colours import BOLD, RED, painted
+from symshrec.cli.arguments import count, setting, share, tolerance, whole
+from symshrec.cli.colours import RED, painted
 from symshrec.cli.outputs import STEM, out_path
 from symshrec.files.atomic import write_atomically
-from symshrec.geometry.residuals import mirror_residuals
+from symshrec.geometry.residuals import mirror_deviations, mismatch
+from symshrec.geometry.triangles import MeshSurface
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
+from symshrec.planes.groups import ANGLE_DEG
 from symshrec.scans import MOST_SAMPLES, SAMPLES, STDIN, listed, read_cloud, stem_of
 from symshrec.scans.example import EXAMPLE, write_example
-from symshrec.scans.report import Detection, as_json, as_table, printable, shown
+from symshrec.scans.palette import colour_escape
+from symshrec.scans.report import Detection, Measured, as_json, as_table, diagonal_of, printable, shown
+from symshrec.scans.writing import write_shape
 
 PLOTS = (".png", ".html")
 Detect = Callable[..., Planes]
@@ -32,9 +37,9 @@ def parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="symshrec detect",
         description="Find the mirror planes of clouds and meshes, in their own coordinates.",
-        epilog=f"Reads {listed()}. With several files, OUT of --plot and --res holds {STEM}, the file's name without "
-        f"its extension; folders are made. {EXIT_STATUSES} A cloud without a mirror plane is an answer too: 0. Of "
-        "several files, those that can be read are done, and one that cannot makes it 2.",
+        epilog=f"Reads {listed()}. With several files, OUT of --plot, --res and --deviation holds {STEM}, the file's "
+        f"name without its extension; folders are made. {EXIT_STATUSES} A cloud without a mirror plane is an answer "
+        "too: 0. Of several files, those that can be read are done, and one that cannot makes it 2.",
     )
     parser.add_argument(
         "files", nargs="*", type=Path, metavar="FILE", help="clouds, or meshes to draw points on; - for standard input"
@@ -46,12 +51,25 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
     parser.add_argument("--max-planes", type=count, metavar="N", help="the N most confident at most (all)")
+    parser.add_argument(
+        "--group-deg", type=tolerance, default=ANGLE_DEG, help=f"that a plane may be off in a group ({ANGLE_DEG:g})"
+    )
+    parser.add_argument("--list", action="store_true", help="a line for each plane of a surface of revolution too")
     parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
     parser.add_argument("--seed", type=whole, default=0, help="of those points (0)")
     parser.add_argument(
         "--json", metavar="OUT", help="write all that was found; - to standard output, in place of tables"
     )
     parser.add_argument("--plot", metavar="OUT", help="draw cloud and planes; .png, or .html to turn in a browser")
+    parser.add_argument(
+        "--colour", choices=("plain", "deviation"), default="plain", help="of the points in --plot (plain)"
+    )
+    parser.add_argument(
+        "--deviation", metavar="OUT", help="write the points with their signed distance from the mirror image; .ply"
+    )
+    parser.add_argument(
+        "--plane", type=count, default=1, metavar="N", help="that deviations are to, by its number in the table (1)"
+    )
     parser.add_argument("--res", metavar="OUT", help="write the planes as the track's results, OUT_res.txt")
     return parser
 
@@ -77,7 +95,7 @@ def run(options: argparse.Namespace) -> None:
     _check(options, files)
     if options.example:
         write_example(Path(EXAMPLE))
-    detect, threshold = _detector(options)
+    detect, threshold = detector(options)
     found = Found(list(files))
     try:
         for path in tqdm(files, unit=" files", disable=None if len(files) > 1 else True):
@@ -98,7 +116,7 @@ def run(options: argparse.Namespace) -> None:
 def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Found, alone: bool) -> None:
     """Detect on one file and keep what comes of it: a detection, or the line that says why there is none."""
     try:
-        detection = detect_file(path, detect, options.samples, options.seed)
+        detection = detect_file(path, detect, options.samples, options.seed, options.group_deg)
         _write(detection, options)
     except Exception as error:  # whatever a file of a batch may do, the others are still to be done
         found.failures.append((path, _as_line(path, error)))
@@ -109,25 +127,38 @@ def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Fo
     for note in detection.cloud.notes:
         _say(f"{shown(path)}: {note}", sys.stderr)
     if options.json != "-":
-        _say(as_table(detection, threshold, lambda number: painted(number, BOLD, sys.stdout)), sys.stdout)
+        _say(as_table(detection, threshold, options.list, _in_colour), sys.stdout)
 
 
-def detect_file(path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0) -> Detection:
-    """Read one file, detect, and measure residual and support of every plane; errors as `read_cloud` and `detect`."""
-    from symshrec.methods.fit.judgement import supports  # torch: see `_detector`
+def _in_colour(text: str, colour: int) -> str:
+    return painted(text, colour_escape(colour), sys.stdout)
+
+
+def detect_file(
+    path: Path, detect: Detect, samples: int = SAMPLES, seed: int = 0, group_deg: float = ANGLE_DEG
+) -> Detection:
+    """Read one file, detect, measure every plane, and name their group; errors as `read_cloud` and `detect`."""
+    from symshrec.methods.fit.judgement import supports  # torch: see `detector`
 
     cloud = read_cloud(path, samples, seed)
-    planes = detect(cloud.points)
-    return Detection(path, cloud, planes, mirror_residuals(cloud.points, planes), supports(cloud.points, planes))
+    planes, diagonal = detect(cloud.points), diagonal_of(cloud.points)
+    group = planes.group(diagonal, group_deg)
+    mesh = MeshSurface(*cloud.mesh) if cloud.mesh and len(planes) else None
+    found, missing = (
+        Measured(each, residuals, supports(cloud.points, each), asymmetries)
+        for each in (planes, group.missing)
+        for residuals, asymmetries in [mismatch(cloud.points, each, mesh=mesh)]
+    )
+    return Detection(path, cloud, found, group, missing)
 
 
-def _detector(options: argparse.Namespace) -> tuple[Detect, float]:
-    """What finds the planes of points, and the least confidence of those that it gives."""
+def detector(options: argparse.Namespace) -> tuple[Detect, float]:
+    """What finds the planes of points, and the least confidence of those that it gives, by a command's options."""
     from symshrec.api import detect, named_method  # torch: after the arguments are known to be right
 
     method = named_method(options.method, **dict(options.set))
     threshold = method.count_threshold if options.min_confidence is None else options.min_confidence
-    finds = partial(detect, method=method, min_confidence=threshold, max_planes=options.max_planes)
+    finds = partial(detect, method=method, min_confidence=threshold, max_planes=getattr(options, "max_planes", None))
     return cast(Detect, finds), threshold  # of arrays: Planes
 
 
@@ -141,11 +172,11 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         raise ValueError(f"--json {options.json} is a folder; name a file")
     if files.count(STDIN) > 1:
         raise ValueError("standard input, -, can be read once; name it once")
-    for name in ("plot", "res"):
+    for name in ("plot", "res", "deviation"):
         out = getattr(options, name)
         if out and len(files) > 1 and STEM not in out:
             raise ValueError(f"--{name} {out} is one file for {len(files)}; put {STEM} into its name")
-    if len(files) > 1 and (options.plot or options.res):
+    if len(files) > 1 and (options.plot or options.res or options.deviation):
         stems = [stem_of(path) for path in files]
         twice = next((stem for stem in stems if stems.count(stem) > 1), None)
         if twice is not None:
@@ -154,32 +185,67 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         raise ValueError(f"--plot {options.plot}: unknown extension; draw to {' or '.join(PLOTS)}")
     if options.plot and Path(options.plot).suffix.lower() == ".html" and not find_spec("plotly"):
         raise ValueError("--plot to html needs plotly: pip install 'symshrec[plot]', or draw to .png")
+    if options.deviation:
+        _check_deviation(options.deviation, files)
     if options.res and not options.res.endswith(".txt"):
         raise ValueError(f"--res {options.res}: the track's results are called OUT_res.txt")
-    for name in ("plot", "res", "json"):
+    for name in ("plot", "res", "deviation", "json"):
         out = getattr(options, name)
         if out and out != "-" and STEM not in str(Path(out).parent):  # others with the file that they are of
             out_path(name, out, files[0])
 
 
+def _check_deviation(out: str, files: list[Path]) -> None:
+    if Path(out).suffix.lower() != ".ply":
+        raise ValueError(f"--deviation {out}: unknown extension; points with their deviation are written to .ply")
+    outs = [Path(out.replace(STEM, stem_of(path))) for path in files]
+    if any(each.exists() and path.exists() and each.samefile(path) for each in outs for path in files):
+        raise ValueError(f"--deviation {out} is a file that is read; name another one to write")
+
+
+def _chosen(detection: Detection, number: int) -> Planes:
+    """The plane of a number, from 1 on."""
+    if number > len(detection.planes):
+        raise ValueError(f"--plane {number}: {len(detection.planes)} planes were found, numbered from 1")
+    return detection.planes[number - 1]
+
+
+def _deviations(detection: Detection, planes: Planes) -> np.ndarray:
+    """Of the cloud's points from their mirror images, signed: (K, N)."""
+    mesh = MeshSurface(*detection.cloud.mesh) if detection.cloud.mesh else None
+    return mirror_deviations(detection.cloud.points, planes, mesh)
+
+
 def _write(detection: Detection, options: argparse.Namespace) -> None:
+    if options.deviation:
+        (deviations,) = _deviations(detection, _chosen(detection, options.plane))
+        out = out_path("deviation", options.deviation, detection.path)
+        write_shape(out, detection.cloud.points, values={"deviation": deviations})
     if options.res:
         from symshrec.benchmark.official import write_results
 
         write_results(out_path("res", options.res, detection.path), detection.planes)
     if options.plot:
-        out = out_path("plot", options.plot, detection.path)
-        if out.suffix.lower() == ".html":
-            from symshrec.reporting.figures.page import cloud_page
+        _plot(detection, out_path("plot", options.plot, detection.path), options)
 
-            content = cloud_page(
-                detection.cloud.points, detection.planes, title=shown(Path(detection.path.name))
-            ).encode()
-        else:
-            from symshrec.reporting.figures.drawing import cloud_picture
 
-            content = cloud_picture(detection.cloud.points, detection.planes)
-        write_atomically(out, content, sync=False)
+def _plot(detection: Detection, out: Path, options: argparse.Namespace) -> None:
+    from symshrec.reporting.figures.detection import picture
+    from symshrec.reporting.figures.subject import MAPPED, Subject
+
+    cloud, planes, mapped = detection.cloud, detection.planes, options.colour == "deviation"
+    subject = Subject(cloud.points, planes, cloud.mesh, detection.group)
+    if out.suffix.lower() == ".html":
+        from symshrec.reporting.figures.page import cloud_page
+
+        deviations = _deviations(detection, planes[:MAPPED]) if mapped else None
+        content = cloud_page(subject, shown(Path(detection.path.name)), deviations).encode()
+    else:
+        if mapped:
+            (deviations,) = _deviations(detection, _chosen(detection, options.plane))
+            subject = replace(subject, deviations=deviations, number=options.plane)
+        content = picture(subject)
+    write_atomically(out, content, sync=False)
 
 
 def _as_line(path: Path, error: Exception) -> str:

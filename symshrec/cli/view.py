@@ -12,8 +12,11 @@ from symshrec.benchmark.shards import ShardedSplit
 from symshrec.cli import EXIT_STATUSES
 from symshrec.cli.arguments import whole
 from symshrec.cli.sources import holds_shards, open_results, warnings_as_lines
+from symshrec.geometry.residuals import mirror_deviations
 from symshrec.planes import Planes
+from symshrec.reporting.figures.subject import MAPPED
 from symshrec.scans import STDIN, STDIN_NAME, listed, read_cloud, stem_of
+from symshrec.scans.polygons import Mesh
 
 SHARDS_SPLIT = "test"  # as `symshrec score`
 
@@ -22,8 +25,8 @@ def parser() -> argparse.ArgumentParser:
     """The arguments of `symshrec view`."""
     parser = argparse.ArgumentParser(
         prog="symshrec view",
-        description="Look at a cloud with its true planes (blue) and predicted planes (vermilion). Needs Polyscope: "
-        "pip install 'symshrec[view]'.",
+        description="Look at a cloud with its true planes (blue) and predicted planes (vermilion, or of "
+        "several colours where no true ones are known). Needs Polyscope: pip install 'symshrec[view]'.",
         epilog=f"A file of a cloud or mesh is read as by detect: {listed()}. {EXIT_STATUSES}",
     )
     parser.add_argument(
@@ -48,19 +51,22 @@ def run(options: argparse.Namespace) -> None:
     for planes, what in ((scene.planes, "true"), (scene.predicted, "predicted")):
         parts.append(f"{what} planes unknown" if planes is None else f"{len(planes)} {what} planes")
     print(f"{scene.name}: {', '.join(parts)}", file=sys.stderr)
+    deviations = None if scene.predicted is None else mirror_deviations(scene.points, scene.predicted[:MAPPED])
     middle = np.min(scene.points, axis=0) + np.ptp(scene.points, axis=0) / 2  # the window draws in single precision
     planes, predicted = (each and each.transformed(translation=-middle) for each in (scene.planes, scene.predicted))
-    show(scene.points - middle, planes, predicted, scene.name)
+    mesh = scene.mesh and Mesh(scene.mesh.vertices - middle, scene.mesh.triangles)
+    show(scene.points - middle, planes, predicted, scene.name, mesh, deviations)
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is looked at: points (N, 3), and its planes where they are known."""
+    """What is looked at: points (N, 3), the mesh that they are of, and the planes where they are known."""
 
     name: str
     points: np.ndarray
     planes: Planes | None
     predicted: Planes | None
+    mesh: Mesh | None = None
 
 
 def open_scene(source: Path, cloud: int | None, split: str | None, predictions: Path | None) -> Scene:
@@ -100,7 +106,8 @@ def _file_scene(source: Path, predictions: Path | None) -> Scene:
         print(f"{STDIN_NAME if source == STDIN else source}: {note}", file=sys.stderr)
     if predictions is not None and predictions.suffix != ".txt":
         raise ValueError(f"{predictions}: a single file's predictions are its *_res.txt; write it with detect --res")
-    return Scene(name, found.points, planes, None if predictions is None else read_results(predictions))
+    predicted = None if predictions is None else read_results(predictions)
+    return Scene(name, found.points, planes, predicted, found.mesh)
 
 
 def _predicted(predictions: Path | None, cloud: int) -> Planes | None:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from symshrec.geometry.surfaces import DiscSurface
+from symshrec.geometry.triangles import MeshSurface
 from symshrec.planes import Planes
 
 POINTS = 20_000  # of a larger cloud, drawn at random, that are mirrored and mirrored onto
@@ -59,8 +60,10 @@ def asymmetry(points: np.ndarray, planes: Planes, limit: int = POINTS, seed: int
     return mismatch(points, planes, limit, seed).asymmetries
 
 
-def mismatch(points: np.ndarray, planes: Planes, limit: int = POINTS, seed: int = 0) -> Mismatch:
-    """Residuals and asymmetries, as `mirror_residuals` and `asymmetry`, at once.
+def mismatch(
+    points: np.ndarray, planes: Planes, limit: int = POINTS, seed: int = 0, mesh: MeshSurface | None = None
+) -> Mismatch:
+    """Residuals and asymmetries, as `mirror_residuals` and `asymmetry`; from the mesh that the points are of, if any.
 
     >>> mismatch(np.eye(3), Planes.empty())
     Mismatch(residuals=array([], dtype=float64), asymmetries=array([], dtype=float64))
@@ -73,14 +76,14 @@ def mismatch(points: np.ndarray, planes: Planes, limit: int = POINTS, seed: int 
         points = points[np.random.default_rng(seed).choice(len(points), limit, replace=False)]
     centre = points.mean(axis=0)
     points, planes = points - centre, planes.transformed(translation=-centre)
-    surface = DiscSurface(points)
+    surface = DiscSurface(points) if mesh is None else mesh.moved(-centre)
     distances = [surface.closest(planes[row].mirror(points)[0])[1] for row in range(len(planes))]
     means = np.array([each.mean() for each in distances])
     roots = np.array([np.sqrt(np.square(each).mean()) for each in distances])
     return Mismatch(means, roots / max(diagonal, np.finfo(float).tiny))
 
 
-def mirror_deviations(points: np.ndarray, planes: Planes) -> np.ndarray:
+def mirror_deviations(points: np.ndarray, planes: Planes, mesh: MeshSurface | None = None) -> np.ndarray:
     """How far every point is from the mirror image of the cloud's surface: (K, N) signed, in the points' unit.
 
     Positive where the point stands outside of the mirrored surface (there is more here than on the other side), and
@@ -88,6 +91,7 @@ def mirror_deviations(points: np.ndarray, planes: Planes) -> np.ndarray:
 
     Args:
         points: (N ≥ 1, 3), finite, any unit and position; all are used.
+        mesh: that the points are of; distances are then from its triangles.
 
     Raises:
         ValueError: for another shape.
@@ -101,8 +105,13 @@ def mirror_deviations(points: np.ndarray, planes: Planes) -> np.ndarray:
     points = _checked(points)
     centre = points.mean(axis=0)
     points, planes = points - centre, planes.transformed(translation=-centre)
-    surface = DiscSurface(points)
-    return np.stack([surface.signed(image) for image in planes.mirror(points)]) if len(planes) else _nothing(points)
+    surface, exact = DiscSurface(points), None if mesh is None else mesh.moved(-centre)
+    deviations = np.empty((len(planes), len(points)))
+    for row, image in enumerate(planes.mirror(points)):
+        deviations[row] = surface.signed(image)
+        if exact is not None:
+            deviations[row] = np.copysign(exact.closest(image)[1], deviations[row])
+    return deviations
 
 
 def mirror_correspondences(points: np.ndarray, planes: Planes) -> tuple[np.ndarray, np.ndarray]:
@@ -127,10 +136,6 @@ def mirror_correspondences(points: np.ndarray, planes: Planes) -> tuple[np.ndarr
     found = [tree.query(image) for image in planes.mirror(points)]
     distances = np.array([each for each, _ in found]).reshape(len(planes), len(points))
     return np.array([each for _, each in found], dtype=np.int64).reshape(distances.shape), distances
-
-
-def _nothing(points: np.ndarray) -> np.ndarray:
-    return np.zeros((0, len(points)))
 
 
 def _checked(points: np.ndarray) -> np.ndarray:

@@ -39,6 +39,27 @@ def described(group: PointGroup) -> str:
     return f"point group {group.name}: {count} mirrors, {_axes(group)}"
 
 
+def headline(group: PointGroup) -> str:
+    """The group in few words, for a picture.
+
+    >>> from symshrec.planes import Planes
+    >>> headline(Planes([[1, 0, 0], [0, 1, 0]], [[0, 0, 0], [0, 0, 0]]).group())
+    'C2v: 2 mirror planes, 1 axis of order 2'
+    """
+    count = len(group.planes)
+    planes = f"{count} mirror plane{'s' * (count != 1)}"
+    if group.continuous:
+        kind = "a sphere" if group.name == "Kh" else "a surface of revolution"
+        return f"{group.name}: {planes}, {kind}"
+    if not group.complete:
+        return f"{count + len(group.outside)} mirror planes, no group"
+    orders = [axis.order for axis in group.axes]
+    axes = [
+        f"{orders.count(n)} ax{'e' if orders.count(n) > 1 else 'i'}s of order {n}" for n in sorted(set(orders))[::-1]
+    ]
+    return f"{group.name}: {', '.join([planes, *axes])}"
+
+
 def direction(vector: np.ndarray) -> str:
     """Three numbers, without a minus before zero.
 

@@ -4,8 +4,12 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from symshrec.scans.polygons import Mesh
 
 AXES = ("x", "y", "z")
 WIDEST = 64  # columns a table of three points may have; a wider one lies on its side
@@ -20,11 +24,13 @@ class FileCloud:
     """points (N, 3) float64, finite, in the file's own units; notes: what was done or left out, for the user to know.
 
     triangles: of the mesh on whose surface the points were drawn; 0 where the file holds the points themselves.
+    mesh: that mesh; None where there is none.
     """
 
     points: np.ndarray
     notes: tuple[str, ...] = ()
     triangles: int = 0
+    mesh: "Mesh | None" = None
 
 
 def axis_places(names: Sequence[str]) -> tuple[int, int, int] | None:

@@ -37,7 +37,7 @@ def read_mesh(source: Source, samples: int, seed: int) -> FileCloud:
     if points is None:
         raise CloudFileError(f"{path}: its {len(faces)} triangles have no area; save its vertices alone as a cloud")
     note = f"a mesh of {len(faces):,} triangles, taken as {samples:,} points drawn evenly on its surface (seed {seed})"
-    return FileCloud(points, (note,), len(faces))
+    return FileCloud(points, (note,), len(faces), mesh)
 
 
 def sample_surface(triangles: np.ndarray, count: int, seed: int) -> np.ndarray | None:

@@ -48,17 +48,31 @@ def run(*arguments):
 def test_the_table_has_the_planes_by_confidence_in_the_files_coordinates(box, capsys):
     assert run(box, "--samples", 2000) == 0
     told = capsys.readouterr()
-    title, header, *rows = told.out.splitlines()
+    title, header, *rows, group = told.out.splitlines()
     assert title.startswith("box.ply: 2 mirror planes (2,000 points, diagonal 3.7")
-    columns = ["normal", "offset", "point", "confidence", "support", "mean residual", "% of diagonal"]
+    columns = [
+        "colour",
+        "normal",
+        "offset",
+        "point",
+        "confidence",
+        "support",
+        "mean residual",
+        "% of diagonal",
+        "asymmetry",
+    ]
     assert header.split() == " ".join(columns).split()
     assert len(rows) == 2
     for row, (axis, confidence) in zip(rows, ((0, 0.9), (2, 0.7)), strict=True):
-        cells = [float(cell) for cell in row.split()]
+        number, colour, *cells = row.split()
+        assert colour == ("vermilion", "blue")[int(number) - 1]
+        cells = [float(number), *map(float, cells)]
         assert cells[1:4] == np.eye(3)[axis].tolist()
         np.testing.assert_allclose(cells[4:8], [axis + 1, 1, 2, 3], atol=0.02)
         assert cells[8] == confidence
-        assert cells[10] < 0.3
+        assert cells[10] < 1e-4
+        assert cells[12] < 1e-4
+    assert group.startswith("point group C2v: 2 mirrors, axes of rotation: 1 of order 2 (axis 0.00000 1.00000 0.00000")
     assert "a mesh of 12 triangles, taken as 2,000 points" in told.err
 
 
@@ -88,7 +102,7 @@ def test_json_holds_everything_and_agrees_with_the_other_outputs(box, capsys):
 
 def test_limits_and_no_plane_at_all(box, capsys):
     assert run(box, "--max-planes", 1, "--min-confidence", 0) == 0
-    assert capsys.readouterr().out.count("\n") == 3
+    assert capsys.readouterr().out.count("\n") == 4
     assert run(box, "--min-confidence", 0.95, "--json", "none.json", "--res", "none_res.txt", "--plot", "none.png") == 0
     assert "box.ply: no mirror plane of confidence 0.95 or more (20,000 points" in capsys.readouterr().out
     assert json.loads(Path("none.json").read_text())["clouds"][0]["planes"] == []
@@ -146,8 +160,8 @@ def test_plane_numbers_stand_out_in_a_terminal(box, monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(sys, "stdout", Terminal())
     assert run(box, "--samples", 300) == 0
-    rows = sys.stdout.getvalue().splitlines()[2:]
-    assert [row.partition("  ")[0] for row in rows] == ["\033[1m1\033[0m", "\033[1m2\033[0m"]
+    rows = sys.stdout.getvalue().splitlines()[2:-1]  # between the header and the group
+    assert [row.partition("  ")[0] for row in rows] == ["\033[1;38;5;166m1\033[0m", "\033[1;38;5;25m2\033[0m"]
 
 
 @pytest.mark.parametrize(

@@ -107,7 +107,7 @@ def test_a_survey_is_drawn_about_its_own_centre(tmp_path, monkeypatch):
     monkeypatch.setattr(viewer, "require_window", lambda: None)
     monkeypatch.setattr(viewer, "show", lambda *scene: shown.append(scene))
     assert main(["view", str(tmp_path / "a.csv")]) == 0
-    ((drawn, planes, predicted, name),) = shown
+    ((drawn, planes, predicted, name, *_),) = shown
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     np.testing.assert_allclose(drawn, points - middle, atol=1e-6)
     np.testing.assert_allclose(planes.offsets, GUESS.normals @ -middle, atol=1e-6)

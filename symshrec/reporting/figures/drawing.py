@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from io import BytesIO
 from itertools import product
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgb, to_rgba
-from matplotlib.figure import Figure
 
 from symshrec.planes import Planes
 
@@ -114,18 +112,6 @@ def draw_cloud(
     ax.set_axis_off()
     if title:
         ax.set_title(title, fontsize=11)
-
-
-def cloud_picture(points: np.ndarray, predicted: Planes, *, side: float = 6.0, dpi: int = 150) -> bytes:
-    """A cloud with its predicted planes as a square png; errors as `draw_cloud`.
-
-    Args:
-        side: of the picture, in inches.
-    """
-    figure, content = Figure((side, side), layout="constrained"), BytesIO()
-    draw_cloud(figure.subplots(), points, predicted=predicted, limit=12_000, size=1.6)
-    figure.savefig(content, format="png", dpi=dpi, metadata={"Software": None})
-    return content.getvalue()
 
 
 def _draw_planes(
