@@ -50,7 +50,7 @@ def symmetries(group: PointGroup, scale: float = 1.0) -> dict[str, list]:
     if group.name == "Kh":
         raise ValueError("BOP's format has no field for a sphere, which every rotation maps onto itself")
     transforms = group.transforms.copy()
-    fields = {}
+    fields: dict[str, list] = {}
     if group.continuous:  # all others are turned by the axis into these
         axis = group.axes[0].direction
         flips = transforms[(transforms[:, :3, :3] @ axis) @ axis < -1 + 1e-6]
