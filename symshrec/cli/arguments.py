@@ -37,6 +37,13 @@ def share(text: str) -> float:
     return _between(text, math.inf)
 
 
+def factor(text: str) -> float:
+    """A finite number above 0."""
+    if (value := _between(text, math.inf)) == 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not above 0")
+    return value
+
+
 def setting(text: str) -> tuple[str, object]:
     """NAME=VALUE, the value as in YAML."""
     name, found, value = text.partition("=")

@@ -3,32 +3,29 @@
 import argparse
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import cast
 
-import numpy as np
 from tqdm import tqdm
 
 from symshrec.cli import EXIT_STATUSES
-from symshrec.cli.arguments import count, setting, share, tolerance, whole
+from symshrec.cli.arguments import count, factor, setting, share, tolerance, whole
 from symshrec.cli.colours import RED, painted
-from symshrec.cli.outputs import STEM, out_path
+from symshrec.cli.outputs import STEM
+from symshrec.cli.products import check_outputs, write_outputs
 from symshrec.files.atomic import write_atomically
-from symshrec.geometry.residuals import mirror_deviations, mismatch
+from symshrec.geometry.residuals import mismatch
 from symshrec.geometry.triangles import MeshSurface
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
 from symshrec.planes.groups import ANGLE_DEG
-from symshrec.scans import MOST_SAMPLES, SAMPLES, STDIN, listed, read_cloud, stem_of
+from symshrec.scans import MOST_SAMPLES, SAMPLES, STDIN, listed, read_cloud
 from symshrec.scans.example import EXAMPLE, write_example
 from symshrec.scans.palette import colour_escape
 from symshrec.scans.report import Detection, Measured, as_json, as_table, diagonal_of, printable, shown
-from symshrec.scans.writing import write_shape
 
-PLOTS = (".png", ".html")
 Detect = Callable[..., Planes]
 
 
@@ -69,6 +66,13 @@ def parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--plane", type=count, default=1, metavar="N", help="that deviations are to, by its number in the table (1)"
+    )
+    parser.add_argument(
+        "--bop", metavar="OUT", help="put the rotations that the planes make into BOP's models_info.json, in mm; .json"
+    )
+    parser.add_argument("--bop-id", type=whole, metavar="N", help="of the object there (of obj_000005.ply 5; else 1)")
+    parser.add_argument(
+        "--bop-scale", type=factor, default=1.0, metavar="MM", help="millimetres in the file's unit (1)"
     )
     parser.add_argument("--res", metavar="OUT", help="write the planes as the track's results, OUT_res.txt")
     return parser
@@ -117,14 +121,14 @@ def _detect_one(path: Path, detect: Detect, threshold: float, options, found: Fo
     """Detect on one file and keep what comes of it: a detection, or the line that says why there is none."""
     try:
         detection = detect_file(path, detect, options.samples, options.seed, options.group_deg)
-        _write(detection, options)
+        notes = write_outputs(detection, options)
     except Exception as error:  # whatever a file of a batch may do, the others are still to be done
         found.failures.append((path, _as_line(path, error)))
         if not alone:
             _say(f"{painted('symshrec detect:', RED, sys.stderr)} {found.failures[-1][1]}", sys.stderr)
         return
     found.detections.append(detection)
-    for note in detection.cloud.notes:
+    for note in (*detection.cloud.notes, *notes):
         _say(f"{shown(path)}: {note}", sys.stderr)
     if options.json != "-":
         _say(as_table(detection, threshold, options.list, _in_colour), sys.stdout)
@@ -172,80 +176,7 @@ def _check(options: argparse.Namespace, files: list[Path]) -> None:
         raise ValueError(f"--json {options.json} is a folder; name a file")
     if files.count(STDIN) > 1:
         raise ValueError("standard input, -, can be read once; name it once")
-    for name in ("plot", "res", "deviation"):
-        out = getattr(options, name)
-        if out and len(files) > 1 and STEM not in out:
-            raise ValueError(f"--{name} {out} is one file for {len(files)}; put {STEM} into its name")
-    if len(files) > 1 and (options.plot or options.res or options.deviation):
-        stems = [stem_of(path) for path in files]
-        twice = next((stem for stem in stems if stems.count(stem) > 1), None)
-        if twice is not None:
-            raise ValueError(f"several files are called {twice}; detect on one at a time, or rename one")
-    if options.plot and Path(options.plot).suffix.lower() not in PLOTS:
-        raise ValueError(f"--plot {options.plot}: unknown extension; draw to {' or '.join(PLOTS)}")
-    if options.plot and Path(options.plot).suffix.lower() == ".html" and not find_spec("plotly"):
-        raise ValueError("--plot to html needs plotly: pip install 'symshrec[plot]', or draw to .png")
-    if options.deviation:
-        _check_deviation(options.deviation, files)
-    if options.res and not options.res.endswith(".txt"):
-        raise ValueError(f"--res {options.res}: the track's results are called OUT_res.txt")
-    for name in ("plot", "res", "deviation", "json"):
-        out = getattr(options, name)
-        if out and out != "-" and STEM not in str(Path(out).parent):  # others with the file that they are of
-            out_path(name, out, files[0])
-
-
-def _check_deviation(out: str, files: list[Path]) -> None:
-    if Path(out).suffix.lower() != ".ply":
-        raise ValueError(f"--deviation {out}: unknown extension; points with their deviation are written to .ply")
-    outs = [Path(out.replace(STEM, stem_of(path))) for path in files]
-    if any(each.exists() and path.exists() and each.samefile(path) for each in outs for path in files):
-        raise ValueError(f"--deviation {out} is a file that is read; name another one to write")
-
-
-def _chosen(detection: Detection, number: int) -> Planes:
-    """The plane of a number, from 1 on."""
-    if number > len(detection.planes):
-        raise ValueError(f"--plane {number}: {len(detection.planes)} planes were found, numbered from 1")
-    return detection.planes[number - 1]
-
-
-def _deviations(detection: Detection, planes: Planes) -> np.ndarray:
-    """Of the cloud's points from their mirror images, signed: (K, N)."""
-    mesh = MeshSurface(*detection.cloud.mesh) if detection.cloud.mesh else None
-    return mirror_deviations(detection.cloud.points, planes, mesh)
-
-
-def _write(detection: Detection, options: argparse.Namespace) -> None:
-    if options.deviation:
-        (deviations,) = _deviations(detection, _chosen(detection, options.plane))
-        out = out_path("deviation", options.deviation, detection.path)
-        write_shape(out, detection.cloud.points, values={"deviation": deviations})
-    if options.res:
-        from symshrec.benchmark.official import write_results
-
-        write_results(out_path("res", options.res, detection.path), detection.planes)
-    if options.plot:
-        _plot(detection, out_path("plot", options.plot, detection.path), options)
-
-
-def _plot(detection: Detection, out: Path, options: argparse.Namespace) -> None:
-    from symshrec.reporting.figures.detection import picture
-    from symshrec.reporting.figures.subject import MAPPED, Subject
-
-    cloud, planes, mapped = detection.cloud, detection.planes, options.colour == "deviation"
-    subject = Subject(cloud.points, planes, cloud.mesh, detection.group)
-    if out.suffix.lower() == ".html":
-        from symshrec.reporting.figures.page import cloud_page
-
-        deviations = _deviations(detection, planes[:MAPPED]) if mapped else None
-        content = cloud_page(subject, shown(Path(detection.path.name)), deviations).encode()
-    else:
-        if mapped:
-            (deviations,) = _deviations(detection, _chosen(detection, options.plane))
-            subject = replace(subject, deviations=deviations, number=options.plane)
-        content = picture(subject)
-    write_atomically(out, content, sync=False)
+    check_outputs(options, files)
 
 
 def _as_line(path: Path, error: Exception) -> str:

@@ -14,8 +14,17 @@ def out_path(option: str, out: str, path: Path) -> Path:
         ValueError: where the folder cannot be made, naming the option.
     """
     named = Path(out.replace(STEM, stem_of(path)))
-    try:
-        named.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"--{option} {out}: no folder {named.parent} can be made ({error.strerror})") from error
+    make_folder(named, f"--{option} {out}")
     return named
+
+
+def make_folder(path: Path, said: str) -> None:
+    """Make the folder of a file, which the user named as `said`.
+
+    Raises:
+        ValueError: where it cannot be made.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"{said}: no folder {path.parent} can be made ({error.strerror})") from error

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
+from symshrec.cli import EXIT_STATUSES
 from symshrec.cli.arguments import count, setting, share, whole
+from symshrec.cli.outputs import make_folder
 from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
 from symshrec.scans import SAMPLES, read_cloud
-from symshrec.scans.report import printable
+from symshrec.scans.report import printable, shown
 from symshrec.scans.writing import WITH_FACES, WITHOUT_FACES, check_writable, write_shape
 
 
@@ -50,9 +52,10 @@ def shape_parser(command: str, description: str, planes: str) -> argparse.Argume
         prog=f"symshrec {command}",
         description=description,
         epilog=f"Reads what symshrec detect reads. A mesh is written with its faces ({', '.join(WITH_FACES)}), a cloud "
-        f"as points ({', '.join(WITHOUT_FACES)}), in the file's own unit; colours and the like are left out.",
+        f"as points ({', '.join(WITHOUT_FACES)}), in the file's own unit; its folder is made. Colours and the like are "
+        f"left out. {EXIT_STATUSES}",
     )
-    parser.add_argument("source", type=Path, metavar="IN", help="a cloud or a mesh")
+    parser.add_argument("source", type=Path, metavar="IN", help="a cloud or a mesh; - for standard input")
     parser.add_argument("out", type=Path, metavar="OUT", help="what to write; another file than IN")
     parser.add_argument(
         "--planes", type=count, nargs="+", metavar="N", help=f"by their numbers in symshrec detect's table ({planes})"
@@ -83,15 +86,16 @@ def open_shape(options: argparse.Namespace) -> Shape:
         check_writable(out, faces=False)
     cloud = read_cloud(source, options.samples, options.seed)
     check_writable(out, faces=cloud.mesh is not None)
+    make_folder(out, str(out))
     detect, threshold = detector(options)
     planes = detect(cloud.points)
     if not len(planes):
-        raise ValueError(
-            f"{printable(source)}: no mirror plane of confidence {threshold:g} or more; nothing is written"
-        )
+        raise ValueError(f"{shown(source)}: no mirror plane of confidence {threshold:g} or more; nothing is written")
     chosen = [number - 1 for number in options.planes or range(1, len(planes) + 1)]
     if max(chosen) >= len(planes):
-        raise ValueError(f"--planes {max(chosen) + 1}: {printable(source)} has {len(planes)}, numbered from 1")
+        raise ValueError(f"--planes {max(chosen) + 1}: {shown(source)} has {len(planes)}, numbered from 1")
+    for note in cloud.notes:
+        print(f"{shown(source)}: {note}", file=sys.stderr)
     points, triangles = (cloud.points, None) if cloud.mesh is None else cloud.mesh
     return Shape(points, triangles, cloud.points, planes[chosen])
 

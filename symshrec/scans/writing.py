@@ -20,7 +20,7 @@ def check_writable(path: Path, faces: bool) -> None:
         faces: whether a mesh is to be written.
 
     Raises:
-        ValueError: for an extension that is unknown or cannot hold this, and for a folder that is not there.
+        ValueError: for an extension that is unknown or cannot hold this, and for a folder in its place.
     """
     kind, can = path.suffix.lower(), WITH_FACES if faces else WITHOUT_FACES
     if kind not in can:
@@ -29,8 +29,6 @@ def check_writable(path: Path, faces: bool) -> None:
         raise ValueError(f"{path}: unknown extension {kind!r}; what can be written: {', '.join(can)}")
     if path.is_dir():
         raise ValueError(f"{path} is a folder; name a file")
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {path.parent}; make it first")
 
 
 def write_shape(

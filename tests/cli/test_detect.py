@@ -13,7 +13,7 @@ import trimesh
 
 from symshrec import api
 from symshrec.benchmark.official import read_results
-from symshrec.cli import detect, main
+from symshrec.cli import detect, main, products
 from symshrec.methods.base import SymmetryMethod
 from symshrec.planes import Planes
 from symshrec.scans import read_cloud
@@ -220,7 +220,7 @@ def test_the_page_is_whole_and_asks_for_nothing_from_outside(box):
 
 
 def test_the_page_says_what_it_needs(box, monkeypatch, capsys):
-    monkeypatch.setattr(detect, "find_spec", lambda name: None)
+    monkeypatch.setattr(products, "find_spec", lambda name: None)
     assert run(box, "--plot", "box.html") == 2
     assert "pip install 'symshrec[plot]'" in capsys.readouterr().err
 

@@ -70,8 +70,8 @@ def test_align_brings_the_first_plane_to_x_0_and_the_second_to_y_0(extension, sh
     if extension == "ply":
         np.testing.assert_allclose(posed @ matrix[:3, :3].T + matrix[:3, 3], moved.vertices, atol=1e-9)
     np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-9)
-    assert main(["align", "box.ply", "turned.ply", "--planes", "3", "1"]) == 0
-    np.testing.assert_allclose(np.abs(trimesh.load("turned.ply").vertices).max(axis=0), [1, 1.5, 0.5], atol=1e-5)
+    assert main(["align", "box.ply", "made/turned.ply", "--planes", "3", "1"]) == 0
+    np.testing.assert_allclose(np.abs(trimesh.load("made/turned.ply").vertices).max(axis=0), [1, 1.5, 0.5], atol=1e-5)
 
 
 @pytest.mark.parametrize("out", ["out.npy", "out.xyz", "out.ply", "out.obj"])
@@ -152,7 +152,7 @@ def test_deviation_is_the_signed_distance_from_the_mirror_image(shape, capsys):
         (["box.ply", "box.ply"], "box.ply is the file that is read"),
         (["box.ply", "out.pdf"], "unknown extension '.pdf'; what can be written"),
         (["box.ply", "out.npy"], "cannot hold faces; write .ply, .obj, .stl"),
-        (["box.ply", "gone/out.ply"], "there is no folder gone"),
+        (["box.ply", "box.ply/out.ply"], "box.ply/out.ply: no folder box.ply can be made (File exists)"),
         (["gone.ply", "out.ply"], "gone.ply"),
         (["box.ply", "out.ply", "--planes", "4"], "--planes 4: box.ply has 3, numbered from 1"),
         (

@@ -165,15 +165,8 @@ def _lines(go, subject: Subject, points: np.ndarray, origin: np.ndarray) -> list
     if subject.axis is None:
         return [bar]
     line = {"color": "black", "width": 4, "dash": "dashdot"}
-    return [
-        bar,
-        go.Scatter3d(
-            **_coordinates(subject.axis, origin),
-            mode="lines",
-            line=line,
-            name="axis of revolution" if subject.group.continuous else f"axis of order {subject.group.axes[0].order}",
-        ),
-    ]
+    axis_line = _coordinates(subject.axis, origin)
+    return [bar, go.Scatter3d(**axis_line, mode="lines", line=line, name=subject.axis_name)]
 
 
 def _ticks(values: np.ndarray, origin: float, name: str) -> dict:

@@ -65,6 +65,13 @@ class Subject:
         return None if self.deviations is None else self.number
 
     @property
+    def axis_name(self) -> str:
+        """What `axis` is."""
+        if self.group is None or self.group.continuous:
+            return "axis of revolution"
+        return f"axis of order {self.group.axes[0].order}"
+
+    @property
     def axis(self) -> np.ndarray | None:
         """The ends (2, 3) of the group's axis of highest order, standing out a little; None where it is not alone."""
         group = self.group
@@ -73,6 +80,6 @@ class Subject:
         if [axis.order for axis in group.axes].count(group.axes[0].order) > 1:
             return None
         direction = group.axes[0].direction
-        along = (self.points - self.group.centre) @ direction
+        along = (self.points - group.centre) @ direction
         ends = np.array([along.min(), along.max()]) + np.array([-0.12, 0.12]) * np.ptp(along)
-        return self.group.centre + ends[:, None] * direction
+        return group.centre + ends[:, None] * direction
