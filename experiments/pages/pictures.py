@@ -1,6 +1,6 @@
 """The methods' pictures in docs/figures/, which are those of notebooks/02_methods.ipynb, finer: run it after a change.
 
-    python experiments/pages/pictures.py
+python experiments/pages/pictures.py
 """
 
 import tempfile

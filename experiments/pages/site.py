@@ -1,7 +1,7 @@
 """What MkDocs does not do by itself for these pages: formulas as MathML, and pages and pictures from outside of docs/.
 
-`mkdocs.yml` names it as a hook. A page may link to any file of the repository as it does on a code host, by its relative
-path: files that pages link to come along under `repository/`, Markdown as pages of their own.
+`mkdocs.yml` names it as a hook. A page may link to any file of the repository as it does on a code host, by its
+relative path: files that pages link to come along under `repository/`, Markdown as pages of their own.
 """
 
 import posixpath
@@ -45,7 +45,8 @@ def on_page_markdown(markdown, page, config, files):
         target = posixpath.normpath(posixpath.join(posixpath.dirname(here), path))
         if (ROOT / target).is_dir():
             return match[0].replace(match[2], "#")
-        return f"{match[1]}{posixpath.relpath(uri_of(target), posixpath.dirname(page.file.src_uri))}{mark}{anchor}{match[3]}"
+        way = posixpath.relpath(uri_of(target), posixpath.dirname(page.file.src_uri))
+        return f"{match[1]}{way}{mark}{anchor}{match[3]}"
 
     return outside_code(markdown, lambda text: LINK.sub(pointed, text))
 
