@@ -2,6 +2,6 @@
 
 from symshrec.methods.fit.refinement import Refined, RefineSettings, refine_planes, refined
 
-REFINEMENT_VERSION = 2  # counts up whenever refined planes change
+REFINEMENT_VERSION = 3  # counts up whenever refined planes change
 
 __all__ = ["REFINEMENT_VERSION", "RefineSettings", "Refined", "refine_planes", "refined"]

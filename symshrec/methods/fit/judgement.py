@@ -26,6 +26,7 @@ TOUCHING = 6.0  # spacings within which images without support are next to the c
 EDGE_REACH, FEW = 2.5, 24  # spacings around a point, and most neighbours, that tell whether it is an edge
 EDGE = 0.25  # of the reach: the centre of the surface around an edge point is so far from it
 BEYOND = 0.25  # least cosine between the way to an image and the way out across the edge
+STRICT = 8  # power of support
 NEVER = 5  # images that a plane is judged by, at least
 POINTS = 8192  # of a larger cloud, that planes of any method are judged by
 
@@ -46,6 +47,11 @@ class Judgement:
     def value(self) -> Tensor:
         """By which planes of one cloud are compared."""
         return self.support**4 * self.seen
+
+    @property
+    def strict(self) -> Tensor:
+        """How much of the surface has a mirror image, what contradicts the symmetry weighing far more: float64."""
+        return self.support.double() ** STRICT * self.seen.double()
 
 
 class Judge:

@@ -1,4 +1,8 @@
-"""M4 steps 3 and 4 for any method: planes refined by maximum likelihood and point to plane, if they then fit better."""
+"""M4 steps 3 and 4 for any method: planes refined by maximum likelihood and point to plane, if they then fit better.
+
+In an even sample of a whole object the cloud's density says which of two planes fits better; in any other, as in M4,
+how much of the surface has a mirror image.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -9,7 +13,9 @@ from torch import Tensor
 from symshrec.methods.fit.alignment import AlignmentSettings, aligned
 from symshrec.methods.fit.coupling import images_of_planes
 from symshrec.methods.fit.density import densities
+from symshrec.methods.fit.evening import EVEN, evened, unevenness
 from symshrec.methods.fit.frame import frame_of
+from symshrec.methods.fit.judgement import Judge
 from symshrec.methods.fit.likelihood import ascended, divergence
 from symshrec.methods.fit.surface import Neighbours
 from symshrec.methods.settings import check_ranges
@@ -21,8 +27,9 @@ LONGEST_STEP = 0.06
 STARTS = (0, 2)  # the coarsest density from which planes ascend, tried one after the other
 # Divergences above the best plane's: of planes tied together, of planes that fit, and of planes that keep 1/e of their
 # confidence. Of M1's refined planes for validation clouds 99 % of the true ones have less than .05, 90 % of the others
-# more than .2.
+# more than .2. Of an uneven cloud, DOUBTFUL is of `value` below the best plane's.
 TIED, LIKELY, DOUBTFUL = 0.025, 0.1, 0.15
+PREFERRED = 1.02  # times its value an aligned plane counts, since it is the more exact
 MOST_TIED = 60  # planes; the relations of more would take too long
 FARTHEST_DEG, FARTHEST = 12.0, 0.12  # from the given plane, the second as a share of the cloud's size
 
@@ -61,9 +68,11 @@ class Refined:
 def refine_planes(points, planes: Planes, settings: RefineSettings | None = None) -> Refined:
     """Refine the planes that some method found, from errors of up to about 5° and 5 % of the cloud's diagonal.
 
-    A plane moves only where its mirror image then fits the cloud's density better, and no further than 12° and 12 % of
-    the cloud's size (see `frame_of`). What still fits much worse than the cloud's best plane loses confidence: with its
-    divergence e above that one's, exp(−(e/0.15)²) of it is left.
+    A plane moves only where its mirror image then fits the cloud better, and no further than 12° and 12 % of the
+    cloud's size (see `frame_of`). What still fits much worse than the cloud's best plane loses confidence: with an
+    unlikeness e above that one's, exp(−(e/0.15)²) of it is left. Unlikeness is the divergence of the mirrored cloud's
+    density from the cloud's; of an uneven cloud, the surface that has no mirror image, what contradicts the symmetry
+    weighing far more than what was not observed (see `Judgement.strict`).
 
     Args:
         points: (N, 3) tensor or array; as `symshrec.methods.m4.pipeline.detect_planes` takes them.
@@ -78,18 +87,10 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
     if frame is None or not len(planes):
         return Refined(planes, np.ones(len(planes), dtype=bool), np.ones(len(planes)))
     given = frame.of(planes)
-    ladder = densities(frame.points)
     settings = replace(settings, together=settings.together and len(planes) <= MOST_TIED)
-    climbed = _ascended(frame.points, ladder, *given, settings.together)
-    found = _aligned(frame.points, *climbed, settings)
-
-    def unlikeness(planes: tuple[Tensor, Tensor]) -> Tensor:
-        return divergence(ladder[-1], frame.points, *planes)
-
-    found = _where(unlikeness(found) > climbed[2] + TIED, climbed, found)
-    before, after = unlikeness(given), unlikeness(found)
-    worse = (after >= before) | _far(found, given)
-    normals, offsets, left = _where(worse, (*given, before), (*found, after))
+    cloud = Neighbours(frame.points)
+    by = _by_density if unevenness(cloud) <= EVEN else _by_surface
+    normals, offsets, left, worse = by(cloud, given, settings)
     fit = (-((left - left.min()) / DOUBTFUL).square()).exp().double().cpu().numpy()
     kept = worse.cpu().numpy()
     sure = planes.confidences * fit
@@ -102,6 +103,39 @@ def refine_planes(points, planes: Planes, settings: RefineSettings | None = None
 def refined(points, planes: Planes) -> Planes:
     """The planes of `refine_planes` alone."""
     return refine_planes(points, planes).planes
+
+
+def _by_density(cloud: Neighbours, given: tuple[Tensor, Tensor], settings: RefineSettings):
+    """Refine planes (K, 3), (K,) of an even cloud.
+
+    Returns:
+        Normals, offsets, unlikenesses (K,), and which stayed as they were given (K,).
+    """
+    points, ladder = cloud.points, densities(cloud.points)
+    climbed = _ascended(points, ladder, *given, settings.together)
+    found = _aligned(cloud, *climbed, settings)
+
+    def unlikeness(planes: tuple[Tensor, Tensor]) -> Tensor:
+        return divergence(ladder[-1], points, *planes)
+
+    found = _where(unlikeness(found) > climbed[2] + TIED, climbed, found)
+    before, after = unlikeness(given), unlikeness(found)
+    worse = (after >= before) | _far(found, given)
+    return *_where(worse, (*given, before), (*found, after)), worse
+
+
+def _by_surface(cloud: Neighbours, given: tuple[Tensor, Tensor], settings: RefineSettings):
+    """The same of an uneven cloud, which is evened for all but the alignment."""
+    thin = evened(cloud)
+    judge = Judge(cloud.points[thin.rows], thin.spacing)
+    climbed = _ascended(judge.even, densities(judge.even), *given, settings.together)
+    found = _aligned(cloud, *climbed, settings)
+    before, between, after = (judge(*planes[:2]).value for planes in (given, climbed, found))
+    after = PREFERRED * after
+    found = _where(between > after, climbed[:2], found)
+    worse = (torch.maximum(between, after) <= before) | _far(found, given)
+    normals, offsets = _where(worse, given, found)
+    return normals, offsets, -judge(normals, offsets).strict, worse
 
 
 def _ascended(
@@ -124,14 +158,14 @@ def _ascended(
     return normals, offsets, divergence(fine, points, normals, offsets)
 
 
-def _aligned(points: Tensor, normals: Tensor, offsets: Tensor, divergences: Tensor, settings: RefineSettings):
+def _aligned(cloud: Neighbours, normals: Tensor, offsets: Tensor, divergences: Tensor, settings: RefineSettings):
     """The planes that fit best aligned point to plane, the others as they are."""
     normals, offsets = normals.clone(), offsets.clone()
     order = torch.argsort(divergences, stable=True)
     sure = order[divergences[order] < divergences.min() + TIED]
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
     tied = torch.full_like(sure, settings.together, dtype=torch.bool)
-    normals[sure], _, offsets[sure] = aligned(Neighbours(points), normals[sure], offsets[sure], tied, alignment)
+    normals[sure], _, offsets[sure] = aligned(cloud, normals[sure], offsets[sure], tied, alignment)
     return normals, offsets
 
 

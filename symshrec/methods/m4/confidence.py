@@ -17,7 +17,7 @@ SURFACE_NAMES = (
 )
 SURE = 4.0  # logit by density beyond which more tells no more
 HOPELESS = -12.0  # and below which
-STRICT, ROOM = 8, 0.05  # misfit = log(1 + ROOM − support^STRICT · seen)
+ROOM = 0.05  # misfit = log(1 + ROOM − `Judgement.strict`)
 MOST_UNEVEN = 0.6  # above that of an even sample, beyond which more tells no more
 MOST_EXCESS, MOST_BEHIND = 0.3, 0.6  # beyond which more tells no more, since what is missing costs as much
 THIN, MOST_THICK = 0.4, 2.0  # count · spacing² of a surface at most; the most of its logarithm above that
@@ -62,7 +62,7 @@ def surface_features(
         uneven one may.
     """
     divergences = divergences.double()
-    value = strict(judgement)
+    value = judgement.strict
     one = torch.ones_like(divergences)
     logit, misfit = by_density.double().clamp(HOPELESS, SURE), (1 + ROOM - value).log()
     above = one * min(max(uneven - EVEN, 0.0), MOST_UNEVEN)
@@ -82,11 +82,6 @@ def surface_features(
         ],
         dim=1,
     )
-
-
-def strict(judgement: Judgement) -> Tensor:
-    """How much of the surface planes (K,) mirror onto surface, what contradicts them weighing far more: float64."""
-    return judgement.support.double() ** STRICT * judgement.seen.double()
 
 
 def logits(table: Tensor, calibration: tuple[float, ...]) -> Tensor:

@@ -19,7 +19,7 @@ from symshrec.methods.fit.likelihood import ascended, divergence
 from symshrec.methods.fit.polishing import polished, slid
 from symshrec.methods.fit.surface import Neighbours
 from symshrec.methods.m4.climb import FINE_POINTS, FINE_STEPS, LONGEST_STEP, Scored
-from symshrec.methods.m4.confidence import confidences, features, logits, strict, surface_features
+from symshrec.methods.m4.confidence import confidences, features, logits, surface_features
 from symshrec.methods.m4.density_search import DensitySearch
 from symshrec.methods.m4.settings import M4Settings
 from symshrec.methods.m4.surface_search import SurfaceSearch, repulsion
@@ -91,7 +91,7 @@ class Observed:
 class Candidates:
     """Planes of a cloud in its frame that may be symmetries: normals (K, 3), offsets (K,); those density found last.
 
-    features: (K, 13), see `surface_features`. value (K,): how much surface they mirror, see `strict`. whole, thinned
+    features: (K, 13), see `surface_features`. value (K,): how much surface they mirror, see `Judgement`. whole, thinned
     (K,): divergences in the cloud and in the evened one.
     """
 
@@ -237,7 +237,7 @@ def surface_candidates(seen: Observed, settings: M4Settings) -> Candidates:
     judgement = judge(normals, offsets)
     cloud_is = len(even), thin.spacing, seen.uneven, seen.sure
     table = surface_features(by_density, thinned, judgement, *cloud_is)
-    return Candidates(normals, offsets, table, strict(judgement), whole, thinned)
+    return Candidates(normals, offsets, table, judgement.strict, whole, thinned)
 
 
 def _off_the_floor(points, frame: Frame, settings: M4Settings) -> Frame:

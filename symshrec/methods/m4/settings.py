@@ -10,8 +10,8 @@ from symshrec.methods.settings import HARMLESS, MethodSettings, check_ranges
 CALIBRATION = (1.759, -82.546, -60.19, 236.37)
 # Of `surface_features`, by `experiments/calibrate_surface.py`; results/surface_calibration.json.
 SURFACE_CALIBRATION = (
-    *(-20.699, 0.149, -3.021, 0.802, -4.198, 2.213, -9.27, -1.854, 0.65),
-    *(-0.397, 0.75, 0.223, 0.975, 5.983),
+    *(-20.828, 0.154, -3.054, 0.672, -4.237, 2.243, -9.336, -1.35, 0.605),
+    *(-0.408, 0.493, 0.219, 0.877, 6.028),
 )
 
 
