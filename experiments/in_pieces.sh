@@ -7,7 +7,7 @@
 # PARTS the checkpoint in pieces of 15 MiB, or, once the training has ended, its weights and training.json. PYTHON names
 # the interpreter. R4 as published, in three sessions of ten minutes on one H200 (estimated, not measured):
 #
-#   experiments/in_pieces.sh parts 8.5 method=m1 run=r4 data=paper trainer=gpu train.batch_size=128 train.compile=true
+#   experiments/in_pieces.sh parts 8.5 method=m1 run=m1_r4 data=paper trainer=gpu train.batch_size=128 train.compile=true
 set -euo pipefail
 parts=$1 minutes=$2
 shift 2

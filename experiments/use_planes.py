@@ -1,5 +1,6 @@
 """A scan completed and a bent shape symmetrised, before and after: results/figures/use.png."""
 
+import os
 import sys
 from io import BytesIO
 from pathlib import Path
@@ -9,11 +10,12 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from symshrec import detect
 from symshrec.cli import main
 from symshrec.files.atomic import write_atomically
 from symshrec.geometry.residuals import mirror_deviations
 from symshrec.planes import Planes
-from symshrec.reporting.figures.outlines import outline
+from symshrec.reporting.figures.outlines import outline, view_of
 from symshrec.reporting.figures.raster import Canvas, Pane, render, splat
 from symshrec.reporting.figures.shading import GREY, shaded
 from symshrec.reporting.figures.subject import Subject
@@ -22,7 +24,8 @@ from symshrec.scans.example import example_plane, write_example
 from symshrec.scans.palette import colour_code
 
 OUT, SIZE, POINT, DOT = Path("results/figures/use.png"), 900, 0.9, 5  # pixels across a panel; of a point's radius
-CUT, LEAN = 0.06, 0.07  # metres beyond the middle that the scan ends; that the bent chair's top leans by
+CUT, ABOVE = 0.03, 0.6  # what the scan lacks: metres beyond the middle, and above which share of the height
+LEAN = 0.04  # metres that one side of the bent chair leans by at its top
 
 
 def panel(subject: Subject, canvas: Canvas, added: int = 0) -> np.ndarray:
@@ -39,25 +42,25 @@ def draw() -> bytes:
     write_example(Path("chair.ply"))
     chair, plane = read_cloud("chair.ply", samples=12_000).points, example_plane()
     beside = (chair - plane.points) @ plane.normals[0]
-    height = np.ptp(chair[:, 2]) and (chair[:, 2] - chair[:, 2].min()) / np.ptp(chair[:, 2])
-    np.save("scan.npy", chair[beside < CUT])
+    height = (chair[:, 2] - chair[:, 2].min()) / np.ptp(chair[:, 2])
+    np.save("scan.npy", chair[(beside < CUT) | (height < ABOVE)])
     np.save("bent.npy", chair + LEAN * (height**2 * (beside > 0))[:, None] * plane.normals[0])
     for words in (
-        ["complete", "scan.npy", "whole.npy", "--min-support", "0.5"],
+        ["complete", "scan.npy", "whole.npy"],
         ["symmetrise", "bent.npy", "even.npy"],
     ):
         if main(words):
             sys.exit(f"symshrec {' '.join(words)} failed")
     scan, whole, bent, even = (np.load(f"{name}.npy") for name in ("scan", "whole", "bent", "even"))
     shapes = [Subject(each, plane) for each in (scan, whole)]
-    shapes += [Subject(each, plane, deviations=mirror_deviations(each, plane)[0]) for each in (bent, even)]
+    found = detect(bent)[0]  # that it was symmetrised by
+    for each in (bent, even):
+        shapes.append(Subject(each, found, deviations=mirror_deviations(each, found)[0], span=LEAN / 2))
     return figure(shapes, [len(scan), len(scan), 0, 0], plane)
 
 
 def figure(shapes: list[Subject], added: list[int], plane: Planes) -> bytes:
     """A png of four panels."""
-    from symshrec.reporting.figures.outlines import view_of
-
     sheet, content = Figure((12, 3.3)), BytesIO()
     canvas = Canvas.around(view_of(plane), np.concatenate([each.points for each in shapes]), SIZE, margin=0.08)
     titles = ("a scan", "complete", "a bent shape", "symmetrise")
@@ -73,8 +76,6 @@ def figure(shapes: list[Subject], added: list[int], plane: Planes) -> bytes:
 if __name__ == "__main__":
     root = Path.cwd()
     with TemporaryDirectory() as folder:
-        import os
-
         os.chdir(folder)
         content = draw()
         os.chdir(root)

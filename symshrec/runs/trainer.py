@@ -121,7 +121,7 @@ def checked_start(path: str | None, network: nn.Module) -> str | None:
 class LogScores(Callback):
     """Gives the scores of a test to every logger but TensorBoard's, which has a callback of its own.
 
-    They are called as there: `mAP/all`, `mAP/P0` and so on; at other tolerances than the first, `mAP/all/0.1/0.001`.
+    They are called `mAP/all`, `mAP/P0` and so on; at other tolerances than the first, `mAP/all/0.1/0.001`.
     """
 
     def on_test_end(self, trainer: Trainer, pl_module) -> None:

@@ -150,28 +150,28 @@ def test_density_is_a_sum_of_bells():
     places = torch.tensor(rng.uniform(-0.35, 0.35, (200, 3))).float()
     bells = torch.exp(-torch.cdist(places, points).square() / (2 * 0.05**2)).sum(1)
     bells = bells * (density.cell / 0.05) ** 3 / (2 * np.pi) ** 1.5
-    assert np.corrcoef(density.at(places), bells)[0, 1] > 0.99
-    assert float(density.at(places).mean()) == pytest.approx(float(bells.mean()), rel=0.05)
-    assert (density.at(places + 5) < 1e-6).all()
+    assert np.corrcoef(density.at(places.T), bells)[0, 1] > 0.99
+    assert float(density.at(places.T).mean()) == pytest.approx(float(bells.mean()), rel=0.05)
+    assert (density.at(places.T + 5) < 1e-6).all()
     rest = Density(torch.cat([points[:7], points[8:]]), 0.05)
     same_grid = (rest.corner == density.corner).all() and rest.shape == density.shape
     assert same_grid
-    np.testing.assert_allclose(density.of_others(points[7:8]), rest.at(points[7:8]), atol=1e-4)
+    np.testing.assert_allclose(density.of_others(points[7:8]), rest.at(points[7:8].T), atol=1e-4)
 
 
 def test_slope_is_the_derivative_of_the_density():
     rng = np.random.default_rng(6)
     density = Density(torch.tensor(rng.normal(size=(300, 3)) * 0.1).float(), 0.06)
-    places = torch.tensor(rng.normal(size=(100, 3)) * 0.1).float()
+    places = torch.tensor(rng.normal(size=(3, 100)) * 0.1).float()
     values, slopes = density.with_slope(places)
     np.testing.assert_allclose(values, density.at(places), atol=1e-5)
     inside_a_cell, step = [], 1e-3 * density.cell
     for axis in range(3):
         ahead, behind = places.clone(), places.clone()
-        ahead[:, axis] += step
-        behind[:, axis] -= step
+        ahead[axis] += step
+        behind[axis] -= step
         difference = (density.at(ahead) - density.at(behind)) / (2 * step)
-        inside_a_cell.append((difference - slopes[:, axis]).abs() < 0.02 * slopes.abs().max())
+        inside_a_cell.append((difference - slopes[axis]).abs() < 0.02 * slopes.abs().max())
     assert torch.stack(inside_a_cell).float().mean() > 0.98  # but for the few that stand on a face of a cell
 
 

@@ -3,7 +3,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from symshrec.planes import Planes
-from symshrec.reporting.figures.drawing import PREDICTED, View, box, clip_plane, cloud_mesh, draw_cloud
+from symshrec.reporting.figures.drawing import View, clip_plane, draw_cloud
 
 
 def random_planes(rng, count):
@@ -64,19 +64,3 @@ def test_cloud_is_drawn_without_planes_and_limited():
 def test_what_is_no_cloud_is_refused(shape):
     with pytest.raises(ValueError, match=r"shape \(N, 3\)"):
         draw_cloud(Figure().subplots(), np.zeros(shape))
-
-
-def test_mesh_holds_points_and_frames_of_the_planes():
-    rng = np.random.default_rng(2)
-    points = rng.normal(size=(300, 3))
-    planes = random_planes(rng, 3)
-    mesh = cloud_mesh(points, [(planes, PREDICTED), (Planes.empty(), "#000000")], limit=200)
-    vertices, faces, colours = mesh["vertices"], mesh["faces"], mesh["colors"]
-    assert len(vertices) == len(colours) > 4 * 200
-    assert faces.min() == 0
-    assert faces.max() == len(vertices) - 1
-    framed = vertices[(colours == [213, 94, 0]).all(axis=1)]
-    heights = np.abs(framed @ planes.normals.T - planes.offsets).min(axis=1)
-    np.testing.assert_allclose(heights, 0, atol=1e-5)
-    low, high = box(points)
-    assert ((framed >= low - 1e-5) & (framed <= high + 1e-5)).all()

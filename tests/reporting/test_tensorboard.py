@@ -9,8 +9,9 @@ from torch.utils.data import DataLoader
 from symshrec.benchmark.cloud import Labels
 from symshrec.data.batch import Batch
 from symshrec.methods.base import SymmetryMethod
+from symshrec.metrics import METRICS, GroupScore
 from symshrec.planes import Planes
-from symshrec.reporting.figures.tensorboard import TensorBoardResults
+from symshrec.reporting.figures.tensorboard import TensorBoardResults, _by_group, group_kinds, telling
 
 TRUE = Planes([[1, 0, 0], [0, 1, 0]], np.zeros((2, 3)))
 
@@ -58,31 +59,37 @@ def events(tmp_path_factory):
     return accumulator
 
 
-def test_scalars_of_every_metric_and_group(events):
-    scores = {tag: events.Scalars(tag)[0].value for tag in events.Tags()["scalars"]}
-    assert scores["mAP/all"] == scores["PHC/P3"] == scores["count_accuracy/P0"] + 1 == 1
-    assert scores["recall/astroid"] == scores["recall_aware_mAP/cone"] == 0.5
+def test_few_scalars_and_a_figure_for_each_kind_of_group(events):
+    scores = {tag: events.Scalars(tag)[0].value for tag in events.Tags()["scalars"] if tag.startswith("overall/")}
+    assert scores.keys() == {f"overall/{name}" for name in METRICS}
+    assert scores["overall/PHC"] == scores["overall/count_accuracy"] + 1 == 1
+    assert scores["overall/recall"] == scores["overall/recall_aware_mAP"] == 0.5
 
 
-def test_hyperparameters_stand_beside_the_scores(events):
+def test_bars_are_the_scores_of_their_groups():
+    groups = group_kinds([Labels("b", "cone", "P10"), Labels("a", "cone", "P2"), Labels("a", "", "P2")])
+    assert groups == {"perturbation": ["P2", "P10"], "family": ["a", "b"], "solid": ["cone"]}
+    values = {"P2": 0.25, "P10": 0.75, "all": 0.5}
+    rows = [GroupScore(metric, name, 1.0, 0.01, value, 3, 0.1) for metric in METRICS for name, value in values.items()]
+    for ax in _by_group(rows, groups["perturbation"]).axes:
+        assert [bar.get_height() for bar in ax.patches] == [0.25, 0.75]
+
+
+def test_hyperparameters_are_those_that_tell_runs_apart(events):
     assert any(tag.startswith("_hparams_/") for tag in events.summary_metadata)
     assert {"mAP", "count_accuracy"} <= set(events.Tags()["scalars"])
+    method = FirstPlane(strength=0.7)
+    method.hparams.update({"workers": method.settings.workers, "refine": not method.settings.refine})
+    assert telling(method) == {"method": "FirstPlane", "strength": 0.7, "refine": not method.settings.refine}
 
 
 def test_curve_and_the_first_clouds_are_drawn(events):
     assert events.Tags()["images"] == [
+        *(f"scores/by {kind}" for kind in ("perturbation", "family", "solid")),
         "precision_recall",
         *(f"clouds/{position:05d} astroid cone P{position}" for position in range(3)),
     ]
     assert all(len(events.Images(tag)[0].encoded_image_string) > 1000 for tag in events.Tags()["images"])
-
-
-def test_meshes_hold_points_and_only_counted_planes(events):
-    meshes = [tag for tag in events.Tags()["tensors"] if tag.startswith("clouds_3d/")]
-    assert len({tag.partition("_VERTEX")[0].partition("_FACE")[0].partition("_COLOR")[0] for tag in meshes}) == 3
-    vertices = next(tag for tag in meshes if "00000" in tag and tag.endswith("_VERTEX"))
-    shape = [dimension.size for dimension in events.Tensors(vertices)[0].tensor_proto.tensor_shape.dim]
-    assert shape == [1, 40 * 4 + 3 * 2 * 4, 3]  # 40 tetrahedra; frames of two true planes and one counted prediction
 
 
 def test_negative_number_of_clouds_is_refused():

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from symshrec.methods.fit.coupling import find_relations
 from symshrec.methods.fit.ends import end_offset, near_ends
-from symshrec.methods.fit.steps import mirrored, stepped, tangents
+from symshrec.methods.fit.steps import columns, mirrored, stepped, tangents
 from symshrec.methods.fit.surface import Neighbours, falling, local_planes
 
 SURFACE_SCALES = (0.02, 0.008, 0.003)  # of the local planes, shares of the cloud's size like all lengths here
@@ -96,13 +96,12 @@ class Pairs:
     """
 
     def __init__(self, points: Tensor, normals: Tensor, certainty: Tensor, matches: Tensor):
-        count = matches.shape[2]
-        self.matches = matches.flatten(1, 2)  # (K, Mn, 3)
-        self.normals = normals
-        self.count = count
-        self.certainty = certainty.repeat_interleave(count)
-        repeated = normals.repeat_interleave(count, 0)
-        self.gaps = (self.matches * repeated).sum(-1) - (points * normals).sum(1).repeat_interleave(count)
+        self.matches = matches.permute(0, 3, 2, 1).contiguous()  # (K, 3, n, M)
+        self.normals = columns(normals)
+        self.certainty = certainty
+        x, y, z = self.normals
+        gaps = torch.addcmul(torch.addcmul(self.matches[:, 0] * x, self.matches[:, 1], y), self.matches[:, 2], z)
+        self.gaps = gaps - (points * normals).sum(1)  # (K, n, M)
 
     def system(self, normals: Tensor, offsets: Tensor, basis: Tensor, scale: float) -> tuple[Tensor, Tensor, Tensor]:
         """Normal equations of one step for planes (K, 3), (K,) along tangents (K, 2, 3) and the offset.
@@ -114,15 +113,18 @@ class Pairs:
             which then stays.
         """
         frames = torch.cat([normals[:, None], basis], 1)  # (K, 3, 3): the normal, then the tangents
-        heights = self.matches @ frames.mT
-        heights[..., 0] -= offsets[:, None]
-        cosines = (self.normals @ frames.mT).repeat_interleave(self.count, 1)  # (K, Mn, 3)
-        along = cosines[..., 0]
-        residuals = self.gaps - 2 * heights[..., 0] * along
-        weights = self.certainty * falling(residuals / scale)
-        turns = [heights[..., each] * along + heights[..., 0] * cosines[..., each] for each in (1, 2)]
-        slopes = torch.stack([*turns, -along, residuals / 2], 1) * -2  # (K, 4, Mn); the last, −residuals, is no slope
-        products = ((slopes[:, :3] * weights[:, None]) @ slopes.mT).double()
+        heights = (frames @ self.matches.flatten(2)).reshape(self.matches.shape)  # (K, 3, n, M)
+        heights[:, 0] -= offsets[:, None, None]
+        cosines = (frames @ self.normals)[:, :, None]  # (K, 3, 1, M)
+        height, along = heights[:, :1], cosines[:, :1]
+        slopes = torch.empty(len(offsets), 4, *self.gaps.shape[1:], device=offsets.device)  # but for −2 before all
+        torch.addcmul(heights[:, 1:] * along, height, cosines[:, 1:], out=slopes[:, :2])
+        slopes[:, 2] = -along[:, 0]
+        residuals = torch.addcmul(self.gaps, height[:, 0], along[:, 0], value=-2.0)
+        torch.div(residuals, 2, out=slopes[:, 3])  # the last, −residuals, is no slope
+        weights = falling(residuals / scale).mul_(self.certainty).flatten(1)
+        slopes = slopes.flatten(2)
+        products = 4 * ((slopes[:, :3] * weights[:, None]) @ slopes.mT).double()
         matrices, right = products[..., :3], products[..., 3]
         total = weights.sum(1).double().clamp_min(1e-6)
         blind = matrices[:, 2, 2] < 4 * SLIDING * total

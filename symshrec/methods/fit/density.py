@@ -5,6 +5,8 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from symshrec.methods.fit.steps import columns
+
 # Of the grid, in bandwidths: hat in, hat out and blur have variances of 1/6, 1/6 and 1/2 of a cell squared.
 CELL = 1.2**0.5
 FARTHEST = 1.1  # from the origin, in units of the cloud's size; what lies beyond is left out
@@ -28,38 +30,34 @@ class Density:
         self.cell = bandwidth * CELL
         inside = points[(points.abs() <= FARTHEST).all(1)]
         low, high = inside.amin(0), inside.amax(0)
-        self.corner = low - (BORDER + 0.5) * self.cell
+        self.corner = (low - (BORDER + 0.5) * self.cell)[:, None]  # a column, as places are
         self.shape = [int(extent) + 2 * BORDER + 2 for extent in ((high - low) / self.cell).tolist()]
         rows, layers = self.shape[2], self.shape[1] * self.shape[2]
         self._corners = torch.tensor(
             [x * layers + y * rows + z for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=torch.int32
         ).to(points.device)
-        first, part = self._places(inside)
-        weights = torch.stack([1 - part, part], 1)  # (N, 2, 3)
-        weights = weights[:, :, None, None, 0] * weights[:, None, :, None, 1] * weights[:, None, None, :, 2]
+        first, part = self._places(columns(inside))
+        x, y, z = torch.stack([1 - part, part]).unbind(1)  # (2, N) each
+        weights = (x[:, None] * y)[:, :, None] * z  # (2, 2, 2, N)
         cells = torch.zeros(self.shape[0] * layers, device=points.device)
-        cells.index_add_(0, (first[:, None] + self._corners).flatten(), weights.flatten())
+        cells.index_add_(0, (self._corners[:, None] + first).flatten(), weights.flatten())
         self.cells = _blurred(cells.reshape(self.shape)).flatten()
 
     @cached_property
     def mean(self) -> float:
         """The mean of the density at the points."""
-        return float(self.at(self.points[:JUDGED]).mean())
+        return float(self.at(columns(self.points[:JUDGED])).mean())
 
     def at(self, places: Tensor) -> Tensor:
-        """The density (...) at places (..., 3); outside the grid about 0."""
-        first, part = self._places(places.reshape(-1, 3))
-        x, y, z = part.unbind(1)
-        values = self.cells[self._corners[:, None] + first].reshape(2, 2, 2, -1)
+        """The density (..., Q) at places (..., 3, Q), a column each; outside the grid about 0."""
+        values, (x, y, z) = self._around(places)
         values = torch.lerp(values[:, :, 0], values[:, :, 1], z)
         values = torch.lerp(values[:, 0], values[:, 1], y)
-        return torch.lerp(values[0], values[1], x).reshape(places.shape[:-1])
+        return torch.lerp(values[0], values[1], x)
 
     def with_slope(self, places: Tensor) -> tuple[Tensor, Tensor]:
-        """The density (...) and its gradient (..., 3) at places (..., 3)."""
-        first, part = self._places(places.reshape(-1, 3))
-        x, y, z = part.unbind(1)
-        values = self.cells[self._corners[:, None] + first].reshape(2, 2, 2, -1)
+        """The density (..., Q) and its gradient (..., 3, Q) at places (..., 3, Q), a column each."""
+        values, (x, y, z) = self._around(places)
         along_z = values[:, :, 1] - values[:, :, 0]
         values = torch.addcmul(values[:, :, 0], along_z, z)
         along_z = torch.lerp(along_z[:, 0], along_z[:, 1], y)
@@ -67,18 +65,17 @@ class Density:
         values = torch.addcmul(values[:, 0], along_y, y)
         along_x = values[1] - values[0]
         slopes = [along_x, torch.lerp(along_y[0], along_y[1], x), torch.lerp(along_z[0], along_z[1], x)]
-        value = torch.addcmul(values[0], along_x, x)
-        return value.reshape(places.shape[:-1]), (torch.stack(slopes, 1) / self.cell).reshape(places.shape)
+        return torch.addcmul(values[0], along_x, x), torch.stack(slopes, -2) / self.cell
 
     def nearest(self, places: Tensor) -> Tensor:
-        """The density (...) at the middle of the cell around places (..., 3): coarse, and the fastest."""
+        """The density (..., Q) at the middle of the cell around places (..., 3, Q): coarse, and the fastest."""
         cells = (places - (self.corner - self.cell / 2)) / self.cell
-        cells = torch.minimum(cells.clamp_(min=0), self._last + 0.5).to(torch.int32)
-        return self.cells[(cells[..., 0] * self.shape[1] + cells[..., 1]) * self.shape[2] + cells[..., 2]]
+        x, y, z = torch.minimum(cells.clamp_(min=0), self._last + 0.5).to(torch.int32).unbind(-2)
+        return self._looked_up((x * self.shape[1] + y) * self.shape[2] + z)
 
     def of_others(self, points: Tensor) -> Tensor:
         """The density (M,) at (M, 3) of the points that the others make: leave-one-out."""
-        return (self.at(points) - self._own(points)).clamp_min(0)
+        return (self.at(columns(points)) - self._own(points)).clamp_min(0)
 
     @cached_property
     def crowd(self) -> float:
@@ -87,18 +84,30 @@ class Density:
         return float(self.of_others(points).mean() / self._own(points).mean())
 
     def _own(self, points: Tensor) -> Tensor:
-        _, part = self._places(points)
-        return (((1 - part).square() + part.square()) * 0.5 + 2 * part * (1 - part) * 0.25).prod(1)
+        _, part = self._places(columns(points))
+        return (((1 - part).square() + part.square()) * 0.5 + 2 * part * (1 - part) * 0.25).prod(0)
 
     @cached_property
     def _last(self) -> Tensor:
-        return torch.tensor(self.shape, dtype=torch.float32, device=self.points.device) - 1
+        return torch.tensor(self.shape, dtype=torch.float32, device=self.points.device)[:, None] - 1
+
+    def _around(self, places: Tensor) -> tuple[Tensor, tuple[Tensor, ...]]:
+        """The eight values (2, 2, 2, ..., Q) around places (..., 3, Q), and the parts (..., Q) of the way across."""
+        first, part = self._places(places)
+        corners = self._corners.reshape(-1, *[1] * first.dim())
+        return self._looked_up(corners + first).unflatten(0, (2, 2, 2)), part.unbind(-2)
+
+    def _looked_up(self, cells: Tensor) -> Tensor:
+        return self.cells.index_select(0, cells.flatten()).reshape(cells.shape)
 
     def _places(self, places: Tensor) -> tuple[Tensor, Tensor]:
-        """For (M, 3) places the lowest of the eight cells around (M,) int32, and the parts (M, 3) of the way across."""
+        """For (..., 3, Q) places the lowest of the eight cells around (..., Q) int32, and the parts of the way across.
+
+        Those are (..., 3, Q).
+        """
         cells = torch.minimum(((places - self.corner) / self.cell).clamp_(min=0), self._last - 1e-3)
         low = cells.floor()
-        x, y, z = low.to(torch.int32).unbind(1)
+        x, y, z = low.to(torch.int32).unbind(-2)
         return (x * self.shape[1] + y) * self.shape[2] + z, cells - low
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from symshrec.methods.fit.coupling import Relations, find_relations
 from symshrec.methods.fit.density import Density
-from symshrec.methods.fit.steps import mirrored, stepped, tangents
+from symshrec.methods.fit.steps import columns, mirror_images, stepped, tangents
 
 FLOOR = 0.05  # of the mean density, added to it: what a point without any counterpart counts
 DAMPING = 0.01  # of a step, relative to the best determined direction
@@ -29,7 +29,7 @@ def divergence(density: Density, points: Tensor, normals: Tensor, offsets: Tenso
     """
     floor = FLOOR * density.mean
     own = (density.of_others(points) + floor).log()
-    return (own - (density.at(mirrored(points, normals, offsets)) + floor).log()).mean(1)
+    return (own - (density.at(mirror_images(columns(points), normals, offsets)) + floor).log()).mean(1)
 
 
 def ascended(
@@ -47,17 +47,18 @@ def ascended(
         tied: (K,) bool, planes that their relations tie together; none by default.
     """
     floor = FLOOR * density.mean
-    scatter = density.bandwidth * _scatter(len(points)).to(points.device)
+    points = columns(points)
+    scatter = density.bandwidth * _scatter(points.shape[1]).to(points.device)
     best: tuple[Tensor, ...] | None = None
     share = torch.ones_like(offsets)
     for _ in range(steps):
         basis = tangents(normals)
-        places = mirrored(points, normals, offsets)
+        places = mirror_images(points, normals, offsets)
         values, scores = _scores(density, points, normals, offsets, basis, places, floor)
-        now: tuple[Tensor, ...] = (normals, offsets, basis, values.log().mean(1), scores.sum(1))
+        now: tuple[Tensor, ...] = (normals, offsets, basis, values.log().mean(1), scores.sum(2))
         if best is None:
             _, scattered = _scores(density, points, normals, offsets, basis, places + scatter, floor)
-            information = scattered.mT @ scattered
+            information = scattered @ scattered.mT
             damping = DAMPING * information.diagonal(dim1=1, dim2=2).amax(1).clamp_min(NOTHING)
             information = information + torch.diag_embed(damping[:, None].expand(-1, 3))
         else:
@@ -75,15 +76,15 @@ def ascended(
 
 
 def _scores(density, points, normals, offsets, basis, places, floor: float) -> tuple[Tensor, Tensor]:
-    """Likelihoods (K, Q) of the mirrored points at `places` (K, Q, 3), and slopes of their logarithms (K, Q, 3)."""
+    """Likelihoods (K, Q) of points (3, Q) mirrored to `places` (K, 3, Q), and slopes of their logarithms (K, 3, Q)."""
     values, slopes = density.with_slope(places)
     values = values + floor
-    frames = torch.cat([normals[:, None], basis], 1).mT  # (K, 3, 3): the normal, then the tangents
-    pulls = (slopes / values[..., None]) @ frames
-    heights = points @ frames
-    heights[..., 0] -= offsets[:, None]
-    turns = heights[..., 1:] * pulls[..., :1] + heights[..., :1] * pulls[..., 1:]
-    return values, torch.cat([-2 * turns, 2 * pulls[..., :1]], -1)
+    frames = torch.cat([normals[:, None], basis], 1)  # (K, 3, 3): the normal, then the tangents
+    pulls = frames @ (slopes / values[:, None])
+    heights = frames @ points
+    heights[:, 0] -= offsets[:, None]
+    turns = torch.addcmul(heights[:, 1:] * pulls[:, :1], heights[:, :1], pulls[:, 1:])
+    return values, torch.cat([-2 * turns, 2 * pulls[:, :1]], 1)
 
 
 def _relations(normals: Tensor, offsets: Tensor, tied: Tensor | None) -> Relations | None:
@@ -94,5 +95,5 @@ def _relations(normals: Tensor, offsets: Tensor, tied: Tensor | None) -> Relatio
 
 @cache
 def _scatter(count: int) -> Tensor:
-    """(count, 3) normal numbers, always the same."""
-    return torch.randn(count, 3, generator=torch.Generator().manual_seed(0))
+    """(3, count) normal numbers, always the same."""
+    return columns(torch.randn(count, 3, generator=torch.Generator().manual_seed(0)))

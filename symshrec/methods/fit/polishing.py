@@ -43,14 +43,19 @@ def polished(
     return torch.where(lost[:, None], normals, turned), torch.where(lost, offsets, ends)
 
 
-def slid(judge: Judge, judgement: Judgement, normals: Tensor, offsets: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+def slid(
+    judge: Judge, judgement: Judgement, normals: Tensor, offsets: Tensor, free: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
     """Those of the planes (K, 3), (K,) of an incomplete cloud that are supported better at another offset, there.
+
+    Args:
+        free: (K,) bool, the planes that may move.
 
     Returns:
         Normals, offsets and values there.
     """
     value = judgement.value
-    rows = torch.nonzero((judgement.seen < INCOMPLETE) & (value > WORTH * value.max()))[:MOST_SLID, 0]
+    rows = torch.nonzero(free & (judgement.seen < INCOMPLETE) & (value > WORTH * value.max()))[:MOST_SLID, 0]
     tried = offsets[rows, None] + torch.arange(-SLIDES, SLIDES + 1, device=offsets.device) * SLIDE
     values = judge(normals[rows].repeat_interleave(tried.shape[1], 0), tried.flatten()).value.reshape(tried.shape)
     best, at = values.max(1)

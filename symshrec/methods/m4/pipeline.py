@@ -223,9 +223,11 @@ def surface_candidates(seen: Observed, settings: M4Settings) -> Candidates:
     noisy = fine if len(even) * thin.spacing**2 > NOISY else None
     alignment = AlignmentSettings(neighbours=settings.neighbours, rounds=settings.rounds)
     rows = merit >= torch.minimum(merit.max(), WORTH * merit.max())  # merits may all be below 0
-    best = normals[rows], offsets[rows], merit[rows]
-    normals[rows], offsets[rows] = polished(cloud, judge, *best, search.tied(*best), alignment, noisy)
-    others, places, value = slid(judge, judge(normals, offsets), normals, offsets)
+    new = _degrees_apart(normals, first.normals[first.confidences >= SURE], settings.separation_deg)
+    if (rows & new).any():  # the others are the sure planes again
+        best = normals[rows], offsets[rows], merit[rows]
+        normals[rows], offsets[rows] = polished(cloud, judge, *best, search.tied(*best), alignment, noisy)
+    others, places, value = slid(judge, judge(normals, offsets), normals, offsets, new)
     if len(others):
         others, places = ascended(fine, even, others, places, FINE_STEPS, LONGEST_STEP)
         alone = torch.zeros_like(value, dtype=torch.bool)

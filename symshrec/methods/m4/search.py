@@ -7,6 +7,7 @@ from torch import Tensor
 
 from symshrec.geometry.hemisphere import hemisphere_directions
 from symshrec.methods.fit.density import Density
+from symshrec.methods.fit.steps import columns, mirror_images
 
 AROUND = 8  # neighbours of a direction, beside itself
 SEARCHED = 128  # points mirrored in every direction
@@ -33,10 +34,9 @@ def searched(density: Density, directions: int, most: int) -> tuple[Tensor, Tens
         density: of a cloud any prefix of which is a random sample of it. directions: tried. most: K at most.
     """
     tried, around = (each.to(density.cells.device) for each in hemisphere(directions))
-    points = density.points[:SEARCHED]
+    points = columns(density.points[:SEARCHED])
     weights = 1 - _saturated(density, points)
-    heights = tried @ points.T
-    images = torch.addcmul(points, heights[..., None], tried[:, None], value=-2.0)
+    images = mirror_images(points, tried, tried.new_zeros(len(tried)))
     scores = _saturated(density, images) @ weights
     peaks = torch.nonzero((scores[:, None] >= scores[around]).all(1))[:, 0]
     peaks = peaks[torch.argsort(scores[peaks], descending=True, stable=True)[:most]]

@@ -6,6 +6,7 @@ from torch import Tensor
 from symshrec.methods.fit.density import Density, densities
 from symshrec.methods.fit.judgement import Judge
 from symshrec.methods.fit.likelihood import FLOOR, ascended, divergence
+from symshrec.methods.fit.steps import columns
 from symshrec.methods.m4.climb import (
     FINE_POINTS,
     FINE_STEPS,
@@ -117,4 +118,4 @@ def repulsion(density: Density, cloud: Tensor, rows: Tensor) -> Tensor:
     if not len(others):
         return density.cells.new_zeros(())
     floor, points = FLOOR * density.mean, density.points[:FINE_POINTS]
-    return (density.of_others(points) + floor).log().mean() - (density.at(others) + floor).log().mean()
+    return (density.of_others(points) + floor).log().mean() - (density.at(columns(others)) + floor).log().mean()

@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from symshrec.methods.fit.density import Density
+from symshrec.methods.fit.steps import columns, mirror_images
 from symshrec.methods.fit.surface import Neighbours, smallest_eigenvectors
 
 VOTERS = 400  # points, drawn evenly from the surface
@@ -60,10 +61,9 @@ def _principal(points: Tensor) -> tuple[Tensor, Tensor]:
 
 def overlap(density: Density, points: Tensor, normals: Tensor, offsets: Tensor) -> Tensor:
     """The share (K,) of points (Q, 3) that a plane moves to where the cloud is, in terms of a saturating density."""
-    heights = normals @ points.T - offsets[:, None]
-    images = torch.addcmul(points, heights[..., None], normals[:, None], value=-2.0)
-    values = density.nearest(images)
-    moved = heights.abs() > LEAST_MOVE / 2 * density.bandwidth
+    points = columns(points)
+    values = density.nearest(mirror_images(points, normals, offsets))
+    moved = torch.addmm(offsets[:, None], normals, points, beta=-1).abs() > LEAST_MOVE / 2 * density.bandwidth
     return (values / (values + 0.5 * density.mean) * moved).mean(1)
 
 

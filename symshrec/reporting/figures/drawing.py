@@ -1,6 +1,5 @@
 """Figure 2's way of showing a cloud: its points with translucent mirror planes through them, seen in parallel."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -134,49 +133,3 @@ def _planes_in_front(points: np.ndarray, planes: Planes, bounds: np.ndarray, tow
     distance = -heights / np.where(np.abs(slope) < 1e-9, np.inf, slope)
     crossing = points[:, None] + distance[:, :, None] * towards  # (N, K, 3)
     return ((distance > 0) & ((crossing >= bounds[0]) & (crossing <= bounds[1])).all(axis=2)).sum(axis=1)
-
-
-def cloud_mesh(points: np.ndarray, layers: Sequence[tuple[Planes, str]], limit: int = 1500) -> dict[str, np.ndarray]:
-    """A cloud and outlined planes as one coloured triangle mesh, for viewers that show only faces.
-
-    Points become small tetrahedra and each plane a thin frame, faced both ways, which hides nothing behind it.
-
-    Args:
-        points: (N, 3), of which at most `limit` are kept: four vertices each, and TensorBoard knows 65,536.
-        layers: sets of planes, each with its colour.
-
-    Returns:
-        vertices (V, 3) float32, colors (V, 3) uint8, faces (F, 3) int64.
-    """
-    points = np.asarray(points, dtype=np.float64)
-    bounds = box(points)
-    kept = points[np.linspace(0, len(points) - 1, min(limit, len(points))).astype(int)]
-    tetrahedron = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * 0.004 * np.ptp(bounds, axis=0).max()
-    pieces = [(kept[:, None] + tetrahedron, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]), POINTS)]
-    for planes, colour in layers:
-        for normal, point in zip(planes.normals, planes.points, strict=True):
-            outline = clip_plane(normal, point, bounds)
-            if len(outline):
-                inner = outline + 0.03 * (outline.mean(axis=0) - outline)
-                pieces.append((np.concatenate([outline, inner])[None], _frame_faces(len(outline)), colour))
-    vertices, colours, faces, start = [], [], [], 0
-    for copies, triangles, colour in pieces:  # copies (M, V, 3): the same piece at M places
-        count, size = copies.shape[:2]
-        vertices.append(copies.reshape(-1, 3))
-        colours.append(np.tile(np.round(np.array(to_rgb(colour)) * 255), (count * size, 1)))
-        faces.append((start + np.arange(count)[:, None, None] * size + triangles).reshape(-1, 3))
-        start += count * size
-    return {
-        "vertices": np.concatenate(vertices).astype(np.float32),
-        "colors": np.concatenate(colours).astype(np.uint8),
-        "faces": np.concatenate(faces),
-    }
-
-
-def _frame_faces(corners: int) -> np.ndarray:
-    """Triangles between an outer ring 0 … V − 1 and an inner ring V … 2V − 1, both ways round: (4V, 3)."""
-    here, after = np.arange(corners), (np.arange(corners) + 1) % corners
-    front = np.concatenate(
-        [np.stack([here, after, here + corners], 1), np.stack([after, after + corners, here + corners], 1)]
-    )
-    return np.concatenate([front, front[:, ::-1]])

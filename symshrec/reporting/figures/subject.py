@@ -21,6 +21,7 @@ class Subject:
     Attributes:
         points: (N, 3), that planes were found on. mesh: that they are of, None of a cloud. planes: by number.
         group: of the planes; its axis of highest order is drawn where there is one.
+        span: the deviation at either end of the colour bar; None: what nearly all points are below.
         deviations: (N,), signed, of the points from the mirror image in the plane `number`; None: all in grey.
     """
 
@@ -30,6 +31,7 @@ class Subject:
     group: PointGroup | None = None
     deviations: np.ndarray | None = None
     number: int = 1
+    span: float | None = None
 
     @property
     def shown(self) -> list[int]:
@@ -39,6 +41,8 @@ class Subject:
     @property
     def limit(self) -> float:
         """The deviation at either end of the colour bar."""
+        if self.span is not None:
+            return self.span
         most = 0.0 if self.deviations is None else float(np.quantile(np.abs(self.deviations), RANGE))
         return most or 1e-12
 

@@ -1,29 +1,34 @@
 """What a test run leaves in TensorBoard: its scores, its precision-recall curve, and a few clouds with their planes."""
 
+import re
+
 import numpy as np
 from lightning import Callback, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
-from torch import from_numpy
 
+from symshrec.benchmark.cloud import Labels
 from symshrec.data.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m2.autoencoder import Reconstruction
-from symshrec.metrics import Scores, grouped
+from symshrec.methods.settings import plain_settings
+from symshrec.metrics import METRICS, GroupScore, Scores, grouped
 from symshrec.planes import Planes
-from symshrec.reporting.figures.drawing import PREDICTED, TRUE, cloud_mesh, draw_cloud
+from symshrec.reporting.figures.drawing import PREDICTED, TRUE, draw_cloud
 from symshrec.reporting.figures.figures import draw_precision_recall
 from symshrec.reporting.tables.results import EPSILON, THETA_DEG
 
-MATERIAL = {"material": {"cls": "MeshBasicMaterial", "color": "#ffffff"}}  # unlit: frames have no normal
+SHORT = 4  # letters of a name that fits below a bar
 
 
 class TensorBoardResults(Callback):
     """Logs, at the end of a test, to every TensorBoardLogger of the trainer.
 
-    Scalars `mAP/all`, `mAP/P0`, `mAP/astroid` and so on for every metric and group at θ = 1°, ε = 1% (or the nearest
-    that was scored); the method's hyperparameters beside the overall scores; the precision-recall curve; and the first
-    clouds with their true planes in blue and the planes the method means to count in vermilion, as figures and meshes.
+    The metrics over all clouds as scalars `overall/mAP` and so on, at θ = 1°, ε = 1% (or the nearest that was scored);
+    a figure of all metrics by perturbation, one by family and one by solid, with the overall value as a line and
+    standard errors; the method and the settings that are not its default ones beside the scores, for comparison; the
+    precision-recall curve; and the first clouds with their true planes in blue and the planes the method means to count
+    in vermilion.
 
     Args:
         clouds: how many to show; 0 shows none.
@@ -106,7 +111,7 @@ class TensorBoardTraining(Callback):
     def on_train_end(self, trainer: Trainer, pl_module: SymmetryMethod) -> None:
         if trainer.is_global_zero and isinstance(trainer.logger, TensorBoardLogger):
             scores = {name: float(value) for name, value in trainer.callback_metrics.items() if name.startswith("val/")}
-            trainer.logger.log_hyperparams({"method": type(pl_module).__name__, **pl_module.hparams}, scores)
+            trainer.logger.log_hyperparams(telling(pl_module), scores)
             trainer.logger.experiment.flush()
 
 
@@ -134,16 +139,51 @@ def _log_scores(logger: TensorBoardLogger, method: SymmetryMethod, scores: Score
     theta = int(np.abs(scores.thetas_deg - THETA_DEG).argmin())
     epsilon = int(np.abs(scores.epsilons - EPSILON).argmin())
     tolerance = float(scores.thetas_deg[theta]), float(scores.epsilons[epsilon])
-    for score in grouped(scores, labels):
-        if (score.theta_deg, score.epsilon) == tolerance:
-            logger.experiment.add_scalar(f"{score.metric}/{score.group}", score.value, 0)
-    logger.log_hyperparams({"method": type(method).__name__, **method.hparams}, scores.mean(theta, epsilon))
+    overall = scores.mean(theta, epsilon)
+    for name, value in overall.items():
+        logger.experiment.add_scalar(f"overall/{name}", value, 0)
+    logger.log_hyperparams(telling(method), overall)
+    rows = [row for row in grouped(scores, labels) if (row.theta_deg, row.epsilon) == tolerance]
+    for kind, groups in group_kinds(labels).items():
+        logger.experiment.add_figure(f"scores/by {kind}", _by_group(rows, groups), 0)
     if scores.curve is not None:
         figure = Figure(figsize=(5.4, 4.2), layout="constrained")
         ax = figure.subplots()
         draw_precision_recall(ax, {type(method).__name__: scores.mean_curve(theta, epsilon)})
         ax.set_title(f"θ = {tolerance[0]:g}°, ε = {tolerance[1]:.3g} of the diagonal", fontsize=11)
         logger.experiment.add_figure("precision_recall", figure, 0)
+
+
+def telling(method: SymmetryMethod) -> dict:
+    """A run's hyperparameters that tell it from others: its method, and the settings that are not the default ones."""
+    defaults = plain_settings(type(method).Settings())
+    changed = {name: value for name, value in method.hparams.items() if defaults.get(name, ...) != value}
+    return {"method": type(method).__name__, **changed}
+
+
+def group_kinds(labels: list[Labels]) -> dict[str, list[str]]:
+    """The groups that clouds are scored by, in their order: perturbations, families, solids."""
+    kinds = {kind: {getattr(each, kind) for each in labels} - {""} for kind in ("perturbation", "family", "solid")}
+    return {kind: sorted(names, key=_natural) for kind, names in kinds.items() if names}
+
+
+def _natural(name: str) -> list:
+    return [int(part) if part.isdecimal() else part for part in re.split(r"(\d+)", name)]
+
+
+def _by_group(rows: list[GroupScore], groups: list[str]) -> Figure:
+    """Bars of every metric, a group beside the other, with how far chance moves each."""
+    figure = Figure(figsize=(max(5.0, 1.2 + 0.45 * len(groups)), 1.5 * len(METRICS) + 1), layout="constrained")
+    for ax, metric in zip(figure.subplots(len(METRICS), 1, sharex=True), METRICS, strict=True):
+        of_it = {row.group: row for row in rows if row.metric == metric}
+        values = [of_it[group].value for group in groups]
+        errors = [of_it[group].standard_error for group in groups]
+        ax.bar(groups, values, yerr=errors, color=TRUE, width=0.7, error_kw={"lw": 0.8})
+        ax.axhline(of_it["all"].value, color=PREDICTED, lw=1)
+        ax.set(ylim=(0, 1), ylabel=metric.replace("recall_aware_", "recall-aware\n").replace("_", "\n"))
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.tick_params(axis="x", rotation=90 if max(map(len, groups)) > SHORT else 0)
+    return figure
 
 
 def _log_cloud(
@@ -154,6 +194,3 @@ def _log_cloud(
     title = f"{name}\n{len(true)} true, {len(predicted)} predicted"
     draw_cloud(figure.subplots(), points, true, predicted, title=title)
     logger.experiment.add_figure(f"clouds/{name}", figure, 0)
-    mesh = cloud_mesh(points, [(true, TRUE), (predicted, PREDICTED)])
-    tensors = {key: from_numpy(values)[None] for key, values in mesh.items()}
-    logger.experiment.add_mesh(f"clouds_3d/{name}", **tensors, config_dict=MATERIAL, global_step=0)
