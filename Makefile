@@ -13,7 +13,7 @@ HARD := $(if $(filter paper x10,$(SCALE)),hard,hard_quick)
 # Likewise of P10–P15.
 SCAN := $(if $(filter paper x10,$(SCALE)),scan,scan_quick)
 
-.PHONY: setup test lint data tables publish figures bench clean
+.PHONY: setup test lint data tables publish figures bench docs clean
 .DEFAULT_GOAL := tables
 
 setup: $(STAMP)
@@ -36,6 +36,11 @@ $(STAMP): pyproject.toml constraints.txt constraints-cuda.txt
 
 test: setup
 	$(BIN)/python -m pytest --numprocesses=auto --maxprocesses=4 --dist=worksteal
+
+# The pages as a site in site/, warnings being errors; nothing is fetched.
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo "written: site/index.html"
 
 lint: setup
 	$(BIN)/ruff check .
@@ -64,4 +69,4 @@ bench: setup
 	$(BIN)/symshrec bench
 
 clean:
-	rm -rf $(VENV) data runs
+	rm -rf $(VENV) data runs site

@@ -89,9 +89,10 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
         progress: show a bar with the rate and the time left, where stderr is a terminal.
 
     Raises:
-        ValueError: for a config that cannot be. ShardError: where the folder holds another config's shards, naming
-        each differing value. FolderInUseError: where another process writes there. DiskFullError: where the shards do
-        not fit.
+        ValueError: for a config that cannot be.
+        ShardError: where the folder holds another config's shards, naming each differing value.
+        FolderInUseError: where another process writes there.
+        DiskFullError: where the shards do not fit.
     """
     check_config(config)
     for split in config.splits:

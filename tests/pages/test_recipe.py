@@ -1,25 +1,19 @@
-"""The README's recipe for a method of one's own, executed as it stands there."""
+"""The recipe for a method of one's own, of docs/own-method.md, as a package with an entry point."""
 
 import json
 import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
-
-
-def recipe() -> tuple[str, str]:
-    """The module and the entry point that the README shows."""
-    section = (ROOT / "README.md").read_text().partition("## A method of your own\n")[2].partition("\n## ")[0]
-    return re.search(r"```python\n(.*?)```", section, re.S)[1], re.search(r"```toml\n(.*?)```", section, re.S)[1]
+from tests.pages.reading import ROOT, blocks
 
 
 def test_the_recipe_runs_by_its_class_and_by_its_entry_point(tmp_path, smoke_root, small_benchmark):
-    module, entry_point = recipe()
+    shown = blocks(ROOT / "docs" / "own-method.md")
+    (module,), (entry_point,) = ([each.text for each in shown if each.language == name] for name in ("python", "toml"))
     (tmp_path / "my_package.py").write_text(module)
     about = tmp_path / "my_package-1.dist-info"  # as an installation leaves it
     about.mkdir()
