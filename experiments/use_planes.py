@@ -1,6 +1,7 @@
 """A scan completed and a bent shape symmetrised, before and after: results/figures/use.png."""
 
-import os
+import argparse
+import contextlib
 import sys
 from io import BytesIO
 from pathlib import Path
@@ -74,9 +75,7 @@ def figure(shapes: list[Subject], added: list[int], plane: Planes) -> bytes:
 
 
 if __name__ == "__main__":
-    root = Path.cwd()
-    with TemporaryDirectory() as folder:
-        os.chdir(folder)
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    with TemporaryDirectory() as folder, contextlib.chdir(folder):
         content = draw()
-        os.chdir(root)
     write_atomically(OUT, content)
