@@ -34,7 +34,7 @@ def test_notebook_runs_from_an_empty_folder(path, tmp_path):
     folder = tmp_path / "notebooks"
     folder.mkdir()
     where, quiet = {"metadata": {"path": str(folder)}}, ["--log-level=ERROR"]
-    NotebookClient(notebook, timeout=60, resources=where, extra_arguments=quiet).execute()
+    NotebookClient(notebook, timeout=300, resources=where, extra_arguments=quiet).execute()
     outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
     assert [output for output in outputs if "image/png" in output.get("data", {})]
     assert not [output for output in outputs if output.output_type == "stream" and output.name == "stderr"]
