@@ -16,6 +16,8 @@ def code_cells(notebook):
 def test_notebook_defines_nothing_and_is_committed_executed(path):
     cells = code_cells(nbformat.read(path, as_version=4))
     for cell in cells:
+        if cell.source.startswith("%%writefile"):
+            continue  # a module of the reader's own
         plain = "\n".join(line for line in cell.source.splitlines() if not line.startswith("%"))
         nodes = list(ast.walk(ast.parse(plain)))
         assert not [node for node in nodes if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.Lambda)]

@@ -2,13 +2,14 @@
 
 from collections.abc import Iterable, Sequence
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from experiments.real_objects.conditions import CONDITIONS, DRAWN, FIXED
 from experiments.real_objects.methods import CLARCS_POINTS, METHODS, OF_MESHES
-from experiments.real_objects.scores import Score, score
+from experiments.real_objects.scores import RIGHT, Score, fates, near, score
 from experiments.real_objects.study import Row, stored
 from symshrec.files.atomic import write_atomically
 from symshrec.reporting.tables.typeset import Grid, Text, markdown
@@ -19,6 +20,11 @@ MEASURES = {
     "First plane right": ("first", max, "The share of these objects whose most confident plane is a true one."),
     "False planes an object": ("false", min, "Mean over all objects, those without a plane too."),
 }
+BANDS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0)  # of confidence
+CONFIDENT = "m4"  # whose confidences the page holds against the truth
+MEANING = """Planes of {name} by confidence, over all clouds: how many are right, or at least not false, beside what
+their confidence says, and how many of the {true:,} true planes are found by planes that are at least so confident.
+"""
 HEAD = """# Real objects
 
 {symmetric} objects with exact mirror planes and {other} without, meshes that PyPI's packages ship, under the
@@ -50,6 +56,10 @@ def write(objects: Sequence[dict], packages: dict, folder: Path, path: Path) -> 
         parts.append(f"## {title}\n\n{meaning}\n")
         for kind, conditions in (("As the benchmark draws it", DRAWN), ("At a fixed strength", FIXED)):
             parts.append(markdown(measure_grid(scored, conditions, kind, key, best)))
+    if CONFIDENT in rows:
+        true = sum(len(row.true) for row in rows[CONFIDENT])
+        parts += ["## Confidence\n", MEANING.format(name=CONFIDENT, true=true)]
+        parts.append(markdown(confidence_grid(rows[CONFIDENT])))
     parts += ["## Time\n", markdown(time_grid(rows)), "## Objects\n", _about(packages, objects)]
     parts += [markdown(object_grid(objects, scored)), "## What made these figures\n", made_by(rows, len(objects))]
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -73,6 +83,28 @@ def mean(scores: Sequence[Score], key: str) -> float:
     values = np.array([getattr(each, key) for each in scores], dtype=float)
     values = values[~np.isnan(values)]
     return float(values.mean()) if len(values) else np.nan
+
+
+def confidence_grid(rows: Sequence[Row]) -> Grid:
+    """What became of planes in bands of confidence."""
+    confidence = np.concatenate([row.planes.confidences for row in rows])
+    fate = np.concatenate([fates(row.planes, row.true, row.allowed) for row in rows])
+    found = np.concatenate([_most_confident(row) for row in rows])
+    lines = []
+    for low, high in pairwise(BANDS):
+        of_it = (confidence >= low) & ((confidence < high) | (high == BANDS[-1]))
+        count = int(of_it.sum())
+        shares = ((fate[of_it] > 0).mean(), (fate[of_it] >= 0).mean(), confidence[of_it].mean()) if count else ()
+        cells = [f"{count:,}", *(f"{each:.2f}" for each in shares or [np.nan] * 3), f"{(found >= low).mean():.2f}"]
+        lines.append([Text(cell) for cell in (f"{low:.1f} to {high:.1f}", *cells)])
+    heads = ["confidence", "planes", "right", "not false", "mean confidence", "true planes found from here on"]
+    return Grid("All conditions", heads, lines)
+
+
+def _most_confident(row: Row) -> np.ndarray:
+    """Of each true plane (T,): the confidence of the most confident plane that finds it; −1 where none does."""
+    right = near(row.planes, row.true, *RIGHT)
+    return np.where(right, row.planes.confidences[:, None], -1.0).max(axis=0, initial=-1.0)
 
 
 def time_grid(rows: dict[str, list[Row]]) -> Grid:

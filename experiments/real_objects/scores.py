@@ -26,11 +26,17 @@ def score(planes: Planes, true: Planes, allowed: Planes) -> Score:
     """
     planes = planes.ranked()
     sure, right = planes.confidences >= SURE, near(planes, true, *RIGHT)
-    beyond = ~(near(planes, true, *BEYOND).any(axis=1) | near(planes, allowed, *BEYOND).any(axis=1))
-    false = int((sure & beyond).sum())
+    false = int((sure & (fates(planes, true, allowed) < 0)).sum())
     if not len(true):
         return Score(np.nan, np.nan, false)
     return Score(float(right[sure].any(axis=0).mean()), float(right[:1].any()), false)
+
+
+def fates(planes: Planes, true: Planes, allowed: Planes) -> np.ndarray:
+    """Of each plane (K,) int: 1 for right, -1 for false, 0 for neither."""
+    right = near(planes, true, *RIGHT).any(axis=1)
+    beyond = ~(near(planes, true, *BEYOND).any(axis=1) | near(planes, allowed, *BEYOND).any(axis=1))
+    return right.astype(int) - beyond
 
 
 def near(planes: Planes, others: Planes, degrees: float, share: float) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 
 from symshrec.cli import COMMANDS, OWN
 from symshrec.runs.config import load
-from tests.pages.reading import PAGES, ROOT, anchors, blocks, links, spans
+from tests.pages.reading import PAGES, README, ROOT, anchors, blocks, links, spans
 
 MAKEFILE = (ROOT / "Makefile").read_text()
 EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
@@ -25,6 +25,9 @@ def own_method(tmp_path, monkeypatch):
     """The method that pages bring along, importable."""
     (module,) = [each.text for each in blocks(ROOT / "docs" / "own-method.md") if each.language == "python"]
     (tmp_path / "my_package.py").write_text(module)
+    for block in blocks(README):
+        if block.file:
+            (tmp_path / block.file).write_text(block.text)
     monkeypatch.syspath_prepend(tmp_path)
 
 

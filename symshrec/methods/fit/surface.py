@@ -6,7 +6,6 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 CELLS = 1 << 25  # distances held at once where no kd-tree is used
-LEAF = 32  # points in a leaf of the kd-tree: the best for images far off the cloud, and as good as 16 for others
 PARALLEL_ROWS = 1e-14  # squared length, relative to the trace, below which a matrix has no single smallest eigenvector
 
 
@@ -17,7 +16,7 @@ class Neighbours:
         self.points = points
         self.tree = None
         if points.device.type == "cpu":
-            self.tree = cKDTree(points.numpy(), leafsize=LEAF, balanced_tree=False)
+            self.tree = cKDTree(points.numpy(), leafsize=16, balanced_tree=False)
 
     def query(self, queries: Tensor, count: int) -> Tensor:
         """Indices (..., count) of the nearest points to (..., 3) queries, nearest first."""
@@ -55,7 +54,7 @@ class Neighbours:
 
     def pairs(self, reach: float) -> tuple[np.ndarray, np.ndarray]:
         """All pairs of rows of points nearer to each other than `reach`, the lower row first."""
-        tree = self.tree or cKDTree(self.points.cpu().numpy(), leafsize=LEAF, balanced_tree=False)
+        tree = self.tree or cKDTree(self.points.cpu().numpy(), leafsize=16, balanced_tree=False)
         found = tree.query_pairs(reach, output_type="ndarray")
         return found.min(1), found.max(1)
 
