@@ -43,20 +43,27 @@ class MeshSurface:
         feet, faces = np.empty((len(queries), 3)), np.empty(len(queries), dtype=np.int64)
         for start in range(0, len(queries), BLOCK):
             open_rows = np.arange(start, min(start + BLOCK, len(queries)))
+            bounds = np.full(len(open_rows), np.inf)  # no nearest place is farther
             for count in (min(count, self.tree.n) for count in CANDIDATES):
                 block = queries[open_rows]
                 ways, pieces = self.tree.query(block, k=np.arange(1, count + 1))
-                candidates = self.faces[pieces]  # (n, count)
-                places = on_triangles(np.repeat(block, count, axis=0), self.corners[candidates.ravel()])
-                places = places.reshape(len(block), count, 3)
-                lengths, rows = np.linalg.norm(places - block[:, None], axis=2), np.arange(len(block))
-                best = lengths.argmin(axis=1)
-                feet[open_rows], faces[open_rows] = places[rows, best], candidates[rows, best]
-                lengths = lengths[rows, best]
-                open_rows = open_rows[(lengths > self.least) & (ways[:, -1] - self.reach < lengths)]
+                bounds = np.minimum(bounds, ways[:, 0])  # a piece's middle is on the surface
+                rows, candidates = self._unlike(ways - self.reach <= bounds[:, None], pieces)
+                places = on_triangles(block[rows], self.corners[candidates])
+                lengths = np.linalg.norm(places - block[rows], axis=1)
+                shortest = np.minimum.reduceat(lengths, np.searchsorted(rows, np.arange(len(block))))
+                best = np.flatnonzero(lengths == shortest[rows])
+                feet[open_rows[rows[best]]], faces[open_rows[rows[best]]] = places[best], candidates[best]
+                left = (shortest > self.least) & (ways[:, -1] - self.reach < shortest)
+                open_rows, bounds = open_rows[left], shortest[left]
                 if not len(open_rows):
                     break
         return feet, np.linalg.norm(queries - feet, axis=1), faces
+
+    def _unlike(self, chosen: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (n,), ascending, and the triangles (n,) whose chosen pieces (N, count) are theirs, each but once."""
+        rows = np.nonzero(chosen)[0]
+        return np.divmod(np.unique(rows * len(self.corners) + self.faces[pieces[chosen]]), len(self.corners))
 
 
 def _pieces(corners: np.ndarray, longest: float) -> tuple[np.ndarray, np.ndarray]:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 Kind = TypeVar("Kind", bound="DataclassInstance")
 LARGEST = 65_536  # of a network that weights may bring: far above any that a machine could use
 DEEP = ("depth", "layers")  # settings that say how many layers there are
+BESIDE = ("name", "workers")  # settings that don't tell how a method was changed
 HARMLESS = {"harmless": True}  # metadata of a field that decides nothing of the planes
 
 
@@ -65,6 +66,23 @@ class LearnedSettings(MethodSettings):
 def plain_settings(settings) -> dict[str, Any]:
     """Settings as what JSON holds: nested dicts, enums by name, tuples as lists."""
     return {each.name: _plain(getattr(settings, each.name)) for each in fields(settings)}
+
+
+def changed_settings(settings: MethodSettings) -> dict[str, Any]:
+    """Those settings that are not their class's defaults, by dotted name; not the method's name, nor its workers.
+
+    >>> changed_settings(MethodSettings(refine=True, workers=2))
+    {'refine': True}
+    """
+    given, usual = (_dotted(plain_settings(each)) for each in (settings, type(settings)()))
+    return {name: value for name, value in given.items() if name not in BESIDE and value != usual.get(name)}
+
+
+def _dotted(plain: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    found = {}
+    for name, value in plain.items():
+        found |= _dotted(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return found
 
 
 def restored_settings(

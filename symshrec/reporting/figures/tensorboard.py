@@ -7,11 +7,11 @@ from lightning import Callback, Trainer
 from lightning.pytorch.loggers import TensorBoardLogger
 from matplotlib.figure import Figure
 
-from symshrec.benchmark.cloud import Labels
+from symshrec.benchmark.cloud import UNKNOWN, Labels
 from symshrec.data.batch import Batch
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m2.autoencoder import Reconstruction
-from symshrec.methods.settings import plain_settings
+from symshrec.methods.settings import changed_settings, plain_settings
 from symshrec.metrics import METRICS, GroupScore, Scores, grouped
 from symshrec.planes import Planes
 from symshrec.reporting.figures.drawing import PREDICTED, TRUE, draw_cloud
@@ -66,7 +66,7 @@ class TensorBoardResults(Callback):
             return
         for logger in trainer.loggers:
             if isinstance(logger, TensorBoardLogger):
-                _log_scores(logger, pl_module, scores, labels)
+                _log_scores(logger, {**telling(pl_module), **_data(trainer)}, scores, labels)
                 for cloud in self._shown:
                     _log_cloud(logger, *cloud)
                 logger.experiment.flush()
@@ -75,7 +75,7 @@ class TensorBoardResults(Callback):
 class TensorBoardTraining(Callback):
     """Logs, at every validation, the same few clouds with their true and predicted planes; hyperparameters at the end.
 
-    Of a pre-training, the clouds with the patches that were hidden, as they are and as they were told.
+    Of a pre-training, the clouds with the patches that were hidden, as they are and as they were predicted.
 
     Args:
         clouds: how many to show; 0 shows none.
@@ -111,7 +111,7 @@ class TensorBoardTraining(Callback):
     def on_train_end(self, trainer: Trainer, pl_module: SymmetryMethod) -> None:
         if trainer.is_global_zero and isinstance(trainer.logger, TensorBoardLogger):
             scores = {name: float(value) for name, value in trainer.callback_metrics.items() if name.startswith("val/")}
-            trainer.logger.log_hyperparams(telling(pl_module), scores)
+            trainer.logger.log_hyperparams({**telling(pl_module), **_data(trainer)}, scores, trainer.global_step)
             trainer.logger.experiment.flush()
 
 
@@ -124,46 +124,55 @@ def _planes(batch: Batch, row: int, counted: Planes) -> Figure:
 
 
 def _reconstruction(answer: Reconstruction, row: int) -> Figure:
-    """Side by side: the patches seen, those and what was told of the hidden ones, those and the hidden ones."""
+    """Side by side: the patches seen, those and what was predicted of the hidden ones, those and the hidden ones."""
     figure = Figure(figsize=(12, 4), layout="constrained")
-    seen, told, hidden = (
+    seen, predicted, hidden = (
         each[row].flatten(0, 1).float().cpu().numpy() for each in (answer.visible, answer.predicted, answer.hidden)
     )
-    parts = {"seen": seen, "told": np.concatenate([seen, told]), "true": np.concatenate([seen, hidden])}
+    parts = {"seen": seen, "predicted": np.concatenate([seen, predicted]), "true": np.concatenate([seen, hidden])}
     for ax, (title, points) in zip(figure.subplots(1, 3), parts.items(), strict=True):
         draw_cloud(ax, points, title=title)
     return figure
 
 
-def _log_scores(logger: TensorBoardLogger, method: SymmetryMethod, scores: Scores, labels: list) -> None:
+def _log_scores(logger: TensorBoardLogger, about: dict, scores: Scores, labels: list) -> None:
     theta = int(np.abs(scores.thetas_deg - THETA_DEG).argmin())
     epsilon = int(np.abs(scores.epsilons - EPSILON).argmin())
     tolerance = float(scores.thetas_deg[theta]), float(scores.epsilons[epsilon])
-    overall = scores.mean(theta, epsilon)
-    for name, value in overall.items():
-        logger.experiment.add_scalar(f"overall/{name}", value, 0)
-    logger.log_hyperparams(telling(method), overall)
+    overall = {f"overall/{name}": value for name, value in scores.mean(theta, epsilon).items()}
+    logger.log_hyperparams(about, overall, 0)  # which makes them scalars, too
     rows = [row for row in grouped(scores, labels) if (row.theta_deg, row.epsilon) == tolerance]
     for kind, groups in group_kinds(labels).items():
         logger.experiment.add_figure(f"scores/by {kind}", _by_group(rows, groups), 0)
     if scores.curve is not None:
         figure = Figure(figsize=(5.4, 4.2), layout="constrained")
         ax = figure.subplots()
-        draw_precision_recall(ax, {type(method).__name__: scores.mean_curve(theta, epsilon)})
+        draw_precision_recall(ax, {about["method"]: scores.mean_curve(theta, epsilon)})
         ax.set_title(f"θ = {tolerance[0]:g}°, ε = {tolerance[1]:.3g} of the diagonal", fontsize=11)
         logger.experiment.add_figure("precision_recall", figure, 0)
 
 
 def telling(method: SymmetryMethod) -> dict:
-    """A run's hyperparameters that tell it from others: its method, and the settings that are not the default ones."""
-    defaults = plain_settings(type(method).Settings())
-    changed = {name: value for name, value in method.hparams.items() if defaults.get(name, ...) != value}
-    return {"method": type(method).__name__, **changed}
+    """A run's hyperparameters that tell it from others: its method, and the settings that are not the default ones.
+
+    Those of a method that saved hyperparameters of its own, in place of a settings class, are all there.
+    """
+    own = method.hparams.keys() - plain_settings(method.settings).keys()
+    return {
+        "method": type(method).__name__,
+        **{name: method.hparams[name] for name in sorted(own)},
+        **changed_settings(method.settings),
+    }
+
+
+def _data(trainer: Trainer) -> dict:
+    data = getattr(trainer, "datamodule", None)
+    return {} if data is None else {"data": data.settings.name}
 
 
 def group_kinds(labels: list[Labels]) -> dict[str, list[str]]:
-    """The groups that clouds are scored by, in their order: perturbations, families, solids."""
-    kinds = {kind: {getattr(each, kind) for each in labels} - {""} for kind in ("perturbation", "family", "solid")}
+    """The groups that clouds are scored by, in their order: perturbations, families, solids; unknown ones are none."""
+    kinds = {kind: {getattr(each, kind) for each in labels} - {UNKNOWN} for kind in ("perturbation", "family", "solid")}
     return {kind: sorted(names, key=_natural) for kind, names in kinds.items() if names}
 
 

@@ -96,5 +96,7 @@ def _validations(events: Path) -> dict[int, float]:
     accumulator.Reload()
     if TAG not in accumulator.Tags()["scalars"]:
         return {}
-    found = {event.step: event.value for event in accumulator.Scalars(TAG) if event.step}  # the record's own is at 0
+    found = {
+        event.step: event.value for event in accumulator.Scalars(TAG) if event.step
+    }  # up to 0.2.0 the last came at 0, too
     return dict(sorted(found.items()))
