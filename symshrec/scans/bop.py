@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.distance import pdist
+from scipy.spatial.distance import cdist
 
 from symshrec.files.atomic import write_atomically
 from symshrec.planes import PointGroup
@@ -19,6 +19,7 @@ from symshrec.planes import PointGroup
 OBJECT = re.compile(r"obj_(\d+)", re.IGNORECASE)  # what BOP calls its models, such as obj_000005.ply
 DISCRETE, CONTINUOUS = "symmetries_discrete", "symmetries_continuous"
 SAME_SIZE = 0.05  # share by which a shape's diameter may differ from that of the entry it updates
+BLOCK = 1000  # points whose distances to all others are held at once
 DECIMALS = 9  # of rotations
 
 
@@ -71,7 +72,8 @@ def measures(points: np.ndarray) -> dict[str, float]:
     except (QhullError, ValueError):  # flat
         hull = np.unique(points, axis=0)
     low, sides = points.min(axis=0), np.ptp(points, axis=0)
-    fields = {"diameter": float(pdist(hull).max(initial=0.0))}
+    blocks = (hull[start : start + BLOCK] for start in range(0, len(hull), BLOCK))  # all at once may not fit in memory
+    fields = {"diameter": max((float(cdist(block, hull).max()) for block in blocks), default=0.0)}
     fields |= {f"min_{name}": float(value) for name, value in zip("xyz", low, strict=True)}
     return fields | {f"size_{name}": float(value) for name, value in zip("xyz", sides, strict=True)}
 
