@@ -3,46 +3,26 @@
 import hashlib
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
 from symshrec.benchmark.balance import generator, split_labels
-from symshrec.benchmark.cloud import (
-    ALL_FAMILIES,
-    HARD_PERTURBATIONS,
-    PERTURBATIONS,
-    PLANELESS,
-    SCAN_PERTURBATIONS,
-    LabelledCloud,
-    Labels,
-)
-from symshrec.benchmark.config import BenchmarkConfig, UnitScaling, check_config, differences, plain
-from symshrec.benchmark.manifest import (
-    GENERATOR_VERSION,
-    MANIFEST,
-    REQUEST,
-    Manifest,
-    ShardError,
-    ShardRecord,
-    damages,
-    json_text,
-    read_manifest,
-    read_request,
-)
+from symshrec.benchmark.cloud import ALL_FAMILIES, PERTURBATIONS, PLANELESS, LabelledCloud, Labels
+from symshrec.benchmark.config import BenchmarkConfig, UnitScaling, check_config
+from symshrec.benchmark.manifest import MANIFEST, REQUEST, Manifest, ShardError, ShardRecord, json_text, read_manifest
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
 from symshrec.benchmark.planeless import draw_planeless
 from symshrec.benchmark.poses import draw_pose
 from symshrec.benchmark.scene import Scene
-from symshrec.benchmark.shard_file import MappedShard, encode_shard
+from symshrec.benchmark.shard_file import encode_shard
 from symshrec.benchmark.shards import cloud_name
 from symshrec.benchmark.surfaces import Moved, draw_shape
-from symshrec.files.atomic import remove_temporaries, require_room, sole_writer, write_atomically
-from symshrec.files.foreign import parse_json
+from symshrec.benchmark.tasks import Part, Task, kept, refuse_other, request_of, sidecar, sidecar_text, tasks_of
+from symshrec.files.atomic import joint_writer, remove_temporaries, require_room, sole_writer, write_atomically
 from symshrec.files.pool import ProcessPool, WorkerDiedError
 
 SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
@@ -81,8 +61,9 @@ def generate_cloud(config: BenchmarkConfig, split: str, index: int) -> LabelledC
 def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1, progress: bool = True) -> Manifest:
     """Every cloud of every split into shards under `root`; the manifest is written last.
 
-    Killed and called again, it keeps the finished shards and completes the rest, to the same bytes. On a finished
-    folder it verifies every shard and makes anew only those missing, truncated or altered.
+    Killed and called again, it keeps the finished shards, those that `generate_part` made among them, and completes the
+    rest, to the same bytes. On a finished folder it verifies every shard and makes anew only those missing, truncated
+    or altered.
 
     Args:
         workers: processes; 1 stays in this one.
@@ -94,103 +75,65 @@ def generate_dataset(config: BenchmarkConfig, root: str | Path, workers: int = 1
         FolderInUseError: where another process writes there.
         DiskFullError: where the shards do not fit.
     """
-    check_config(config)
-    for split in config.splits:
-        split_labels(config, split)
-    root = Path(root)
+    root, tasks = Path(root), _checked(config)
     with sole_writer(root):
         remove_temporaries(root)
-        request: dict[str, Any] = {"generator_version": GENERATOR_VERSION, "config": _influential(config)}
-        manifest = read_manifest(root) if (root / MANIFEST).exists() else None
-        tasks = _tasks(config)
-        _refuse_other(root, request, manifest, tasks)
-        kept = _kept(root, tasks, manifest)
-        missing = [task for task in tasks if task.file not in kept]
-        require_room(root, _estimate(config, missing))
+        request, manifest, whole = _completed(config, root, tasks, tasks, workers, progress)
         if manifest is None:
-            write_atomically(root / REQUEST, json_text(request).encode())
-        kept |= _make(config, root, missing, manifest, workers, progress)
-        if manifest is None:
-            manifest = Manifest.summarise(request["config"], [kept[task.file] for task in tasks])
+            manifest = Manifest.summarise(request["config"], [whole[task.file] for task in tasks])
             write_atomically(root / MANIFEST, manifest.to_json().encode())
-        for path in (root / REQUEST, *(root / _sidecar(task.file) for task in tasks)):
+        for path in (root / REQUEST, *(root / sidecar(task.file) for task in tasks)):
             path.unlink(missing_ok=True)
     return manifest
 
 
-def _influential(config: BenchmarkConfig) -> dict:
-    """The plain config without the settings of P6–P15 and planeless shapes where no split has them."""
-    chosen = plain(config)
-    counts = [each for split in config.splits.values() for each in (split.perturbations, split.families) if each]
-    named = {name for each in counts for name, count in each.items() if count}
-    if named.isdisjoint(HARD_PERTURBATIONS):
-        del chosen["noise"]["hard"]
-    if named.isdisjoint(SCAN_PERTURBATIONS):
-        del chosen["noise"]["scan"]
-    if PLANELESS not in named:
-        del chosen["planeless"]
-    return chosen
+def generate_part(
+    config: BenchmarkConfig, root: str | Path, part: Part, workers: int = 1, progress: bool = True
+) -> list[ShardRecord]:
+    """One part of the shards under `root`, beside other jobs that make the others, on this machine or any other.
+
+    Jobs of different parts write different files, each whole or not at all, so they need no lock to be right. Where the
+    file system has locks, a part keeps `generate_dataset` out, which writes the manifest when all parts are there.
+    Killed and called again, it goes on where it was.
+
+    Returns:
+        The records of the part's shards, all of which are whole now.
+
+    Raises:
+        ValueError, DiskFullError: as `generate_dataset`, and so is ShardError.
+        FolderInUseError: where `generate_dataset` works there.
+    """
+    root, tasks = Path(root), _checked(config)
+    mine = part.of(tasks)
+    with joint_writer(root):
+        _, _, whole = _completed(config, root, tasks, mine, workers, progress)
+    return [whole[task.file] for task in mine]
 
 
-@dataclass(frozen=True)
-class _Task:
-    """The clouds first … first + clouds − 1 of a split, to be one file."""
-
-    file: str
-    split: str
-    first: int
-    clouds: int
+def _checked(config: BenchmarkConfig) -> list[Task]:
+    """The tasks of a config that can be."""
+    check_config(config)
+    for split in config.splits:
+        split_labels(config, split)
+    return tasks_of(config)
 
 
-def _tasks(config: BenchmarkConfig) -> list[_Task]:
-    size = config.clouds_per_shard
-    return [
-        _Task(f"{split}-{first // size:05d}.safetensors", split, first, min(size, each.clouds - first))
-        for split, each in config.splits.items()
-        for first in range(0, each.clouds, size)
-    ]
+def _completed(
+    config: BenchmarkConfig, root: Path, tasks: list[Task], mine: list[Task], workers: int, progress: bool
+) -> tuple[dict, Manifest | None, dict[str, ShardRecord]]:
+    """Make what is missing of the tasks in `mine`; the folder's request and manifest, and those tasks' records."""
+    request = request_of(config)
+    manifest = read_manifest(root) if (root / MANIFEST).exists() else None
+    refuse_other(root, request, manifest, tasks)
+    whole = kept(root, mine, request, manifest)
+    missing = [task for task in mine if task.file not in whole]
+    require_room(root, _estimate(config, missing))
+    if manifest is None and not (root / REQUEST).exists():
+        write_atomically(root / REQUEST, json_text(request).encode())
+    return request, manifest, whole | _make(config, root, mine, missing, manifest, workers, progress)
 
 
-def _sidecar(file: str) -> str:
-    return Path(file).with_suffix(".json").name
-
-
-def _refuse_other(root: Path, request: dict, manifest: Manifest | None, tasks: list[_Task]) -> None:
-    """Refuse a folder that was begun with another config or generator version, or that holds others' shards."""
-    begun = request
-    if manifest is not None:
-        begun = {"generator_version": manifest.generator_version, "config": manifest.config}
-    elif (root / REQUEST).exists():
-        begun = read_request(root)
-    lines = differences(begun["config"], request["config"])
-    if begun["generator_version"] != GENERATOR_VERSION:
-        lines.append(f"generator version: folder has {begun['generator_version']}, this is {GENERATOR_VERSION}")
-    strays = {path.name for path in root.glob("*.safetensors")} - {task.file for task in tasks}
-    lines += [f"{name} is no shard of the configuration asked for" for name in sorted(strays)[:5]]
-    if lines:
-        raise ShardError("\n  ".join([f"{root} holds other shards; choose another folder or empty this one:", *lines]))
-
-
-def _kept(root: Path, tasks: list[_Task], manifest: Manifest | None) -> dict[str, ShardRecord]:
-    """Records of the shards that are whole: by the manifest, or by their sidecars while there is none."""
-    records = manifest.shards if manifest else [each for each in map(lambda t: _recorded(root, t), tasks) if each]
-    found = damages(root, records)
-    return {record.file: record for record, what in zip(records, found, strict=True) if what is None}
-
-
-def _recorded(root: Path, task: _Task) -> ShardRecord | None:
-    """The sidecar's record of a shard, None where there is no valid one."""
-    try:
-        record = ShardRecord(**parse_json((root / _sidecar(task.file)).read_bytes()))
-        if (record.file, record.split, record.first, record.clouds) != tuple(asdict(task).values()):
-            return None
-        MappedShard(root / record.file, record)  # the manifest will repeat the record's counts: they must be right
-    except (OSError, ValueError, TypeError):
-        return None
-    return record
-
-
-def _estimate(config: BenchmarkConfig, tasks: list[_Task]) -> int:
+def _estimate(config: BenchmarkConfig, tasks: list[Task]) -> int:
     """Bytes that the tasks' shards will take, from a few clouds of each split."""
     total = 0.0
     for split in {task.split for task in tasks}:
@@ -201,10 +144,12 @@ def _estimate(config: BenchmarkConfig, tasks: list[_Task]) -> int:
     return round(total)
 
 
-def _make(config, root, missing: list[_Task], manifest, workers: int, progress: bool) -> dict[str, ShardRecord]:
+def _make(
+    config, root, tasks: list[Task], missing: list[Task], manifest, workers: int, progress: bool
+) -> dict[str, ShardRecord]:
     """Write the missing shards, showing how far they are; their records by file."""
     expected = {each.file: each.sha256 for each in manifest.shards} if manifest else {}
-    total = sum(each.clouds for each in config.splits.values())
+    total = sum(task.clouds for task in tasks)
     done = total - sum(task.clouds for task in missing)
     made = {}
     with tqdm(total=total, initial=done, unit=" clouds", desc=root.name, disable=None if progress else True) as bar:
@@ -214,7 +159,7 @@ def _make(config, root, missing: list[_Task], manifest, workers: int, progress: 
     return made
 
 
-def _produce(config, root, tasks: list[_Task], expected: dict[str, str], workers: int) -> Iterator[ShardRecord]:
+def _produce(config, root, tasks: list[Task], expected: dict[str, str], workers: int) -> Iterator[ShardRecord]:
     """Write the tasks' shards and give their records as they are finished."""
     jobs = [(task, expected.get(task.file)) for task in tasks]
     with ProcessPool(min(workers, len(tasks)), config, root) as pool:
@@ -226,7 +171,7 @@ def _produce(config, root, tasks: list[_Task], expected: dict[str, str], workers
             ) from error
 
 
-def _write_shard(config: BenchmarkConfig, root: Path, task: _Task, expected: str | None) -> ShardRecord:
+def _write_shard(config: BenchmarkConfig, root: Path, task: Task, expected: str | None) -> ShardRecord:
     """Generate and write one shard, then its sidecar; with an expected sha256 the manifest already records it."""
     clouds = [generate_cloud(config, task.split, index) for index in range(task.first, task.first + task.clouds)]
     data = encode_shard(clouds, task.split)
@@ -248,5 +193,5 @@ def _write_shard(config: BenchmarkConfig, root: Path, task: _Task, expected: str
     )
     write_atomically(root / task.file, data)
     if expected is None:
-        write_atomically(root / _sidecar(task.file), json_text(asdict(record)).encode())
+        write_atomically(root / sidecar(task.file), sidecar_text(record, request_of(config)).encode())
     return record

@@ -140,8 +140,13 @@ def read_manifest(root: str | Path) -> Manifest:
     try:
         content = parse_json(path.read_bytes())
     except FileNotFoundError:
-        state = "generation is unfinished" if (path.parent / REQUEST).exists() else "there are no shards here"
-        raise ShardError(f"{path} is missing: {state}; run symshrec generate for this folder") from None
+        state = "there are no shards here; run symshrec generate for this folder"
+        if (path.parent / REQUEST).exists():
+            state = (
+                "generation is unfinished; run symshrec generate for this folder again (where parts of it were made, "
+                "without part): it makes what is missing and writes the manifest"
+            )
+        raise ShardError(f"{path} is missing: {state}") from None
     except (OSError, ValueError) as error:
         raise ShardError(f"{path} is not readable ({error}); delete it and generate again") from error
     try:

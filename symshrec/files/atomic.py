@@ -3,6 +3,7 @@
 import errno
 import fcntl
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -30,7 +31,8 @@ def write_atomically(path: Path, data: bytes, sync: bool = True) -> None:
     Raises:
         DiskFullError: where the disk, a quota or a file-size limit stops it; nothing is left behind.
     """
-    temporary = path.with_name(TEMPORARY.format(name=path.name, process=os.getpid()))
+    process = f"{os.getpid()}-{secrets.token_hex(4)}"  # other machines have processes of this number too
+    temporary = path.with_name(TEMPORARY.format(name=path.name, process=process))
     try:
         with open(temporary, "wb") as file:
             file.write(data)
@@ -76,13 +78,30 @@ def sole_writer(root: Path) -> Iterator[None]:
     Raises:
         FolderInUseError: where somebody else holds it, naming the folder and, on Linux, the process.
     """
+    with _held(root, fcntl.LOCK_EX):
+        yield
+
+
+@contextmanager
+def joint_writer(root: Path) -> Iterator[None]:
+    """Hold `root` together with other joint writers, each of which has files of its own, against a sole one.
+
+    Raises:
+        FolderInUseError: as `sole_writer`.
+    """
+    with _held(root, fcntl.LOCK_SH):
+        yield
+
+
+@contextmanager
+def _held(root: Path, kind: int) -> Iterator[None]:
     root.mkdir(parents=True, exist_ok=True)
     folder = os.open(root, os.O_RDONLY)
     _HELD.add(folder)
     try:
         with suppress(OSError):  # a file system without locks
             try:
-                fcntl.flock(folder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                fcntl.flock(folder, kind | fcntl.LOCK_NB)
             except BlockingIOError:
                 raise FolderInUseError(
                     f"{root}: another process is writing here{_holder(folder)}; wait for it, or give another folder"

@@ -106,7 +106,8 @@ class Config:
     """The whole configuration, conf/config.yaml.
 
     logger, callbacks: what `_target_` makes under each name. ckpt_path: a Lightning checkpoint that a training starts
-    from. changed: what the command line changed beyond what `folder` says already, as the folder's last part.
+    from. part: K/N, the part of the shards that this one of N calls of `generate` makes, or all. changed: what the
+    command line changed beyond what `folder` says already, as the folder's last part.
     """
 
     data: DataSettings = field(default_factory=lambda: DataSettings(root="${paths.data}/${data.name}${data.variant}"))
@@ -122,6 +123,7 @@ class Config:
     tensorboard: TensorBoardConfig = field(default_factory=TensorBoardConfig)
     seed: int = 2023
     workers: int = 2
+    part: str = "all"
     name: str = "${run.name}${when:${method.refine},_refine}"
     title: str = "${run.title}${when:${method.refine},' + refine'}"
     folder: str = MISSING

@@ -10,7 +10,9 @@ from safetensors.numpy import load, save
 
 from symshrec.benchmark.config import BenchmarkConfig, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_dataset
+from symshrec.benchmark.manifest import ShardRecord
 from symshrec.benchmark.shards import ShardedSplit, ShardError
+from symshrec.benchmark.tasks import request_of, sidecar_text
 from symshrec.files.foreign import is_plain_name
 
 CONFIG = BenchmarkConfig(
@@ -241,7 +243,8 @@ def test_a_sidecar_with_other_counts_makes_no_manifest(root):
     wanted = (root / "manifest.json").read_text()
     record = json.loads(wanted)["shards"][0]
     (root / "manifest.json").unlink()
-    (root / "test-00000.json").write_text(json.dumps({**record, "points": record["points"] + 1}))
+    wrong = ShardRecord(**{**record, "points": record["points"] + 1})
+    (root / "test-00000.json").write_text(sidecar_text(wrong, request_of(CONFIG)))
     generate_dataset(CONFIG, root, workers=1, progress=False)
     assert (root / "manifest.json").read_text() == wanted
 
