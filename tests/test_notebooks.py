@@ -1,4 +1,5 @@
 import ast
+import os
 from pathlib import Path
 
 import nbformat
@@ -28,6 +29,8 @@ def test_notebook_defines_nothing_and_is_committed_executed(path):
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs_from_an_empty_folder(path, tmp_path):
+    if path.stem in os.environ.get("SYMSHREC_SKIP_NOTEBOOKS", "").split():
+        pytest.skip("left out by SYMSHREC_SKIP_NOTEBOOKS")
     notebook = nbformat.read(path, as_version=4)
     for cell in code_cells(notebook):
         cell.outputs, cell.execution_count = [], None
