@@ -50,19 +50,23 @@ class DensitySearch:
         normals, offsets, divergences = self._kept(middle, more, normals, offsets, HOPELESS[1])
         if self.settings.together:
             normals, offsets, divergences = self._completed((normals, offsets, divergences))
-        left = []
-        for density, hopeless in zip((middle, fine), HOPELESS[3:], strict=True):
-            tied = (divergences < divergences.min() + TIED) & self.settings.together
-            normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
-            normals, offsets, divergences = self._kept(density, more, normals, offsets, hopeless)
-            left.append((normals, offsets, divergences))
+        left = self._finer(middle, (normals, offsets, divergences), HOPELESS[3])
+        normals, offsets, divergences = self._finer(fine, left, HOPELESS[4])
         divergences = divergence(fine, self.points, normals, offsets)
         if self.settings.together:
             relations = find_relations(normals, offsets, RELATION_DEG, RELATION_DISTANCE)
             tied = divergences < divergences.min() + TIED
             divergences = orbit_means(divergences, relations.mirrored_in(tied))
         order = torch.argsort(divergences, stable=True)
-        return (normals[order], offsets[order], divergences[order]), left[0]
+        return (normals[order], offsets[order], divergences[order]), left
+
+    def _finer(self, density: Density, found: Scored, hopeless: float) -> Scored:
+        """What is kept of the planes after an ascent through a fine density, those that fit as well tied together."""
+        normals, offsets, divergences = found
+        tied = (divergences < divergences.min() + TIED) & self.settings.together
+        more = self.points[:FINE_POINTS]
+        normals, offsets = ascended(density, more, normals, offsets, FINE_STEPS, LONGEST_STEP, tied)
+        return self._kept(density, more, normals, offsets, hopeless)
 
     def _kept(self, density: Density, points: Tensor, normals: Tensor, offsets: Tensor, hopeless: float) -> Scored:
         """Planes that differ and may be symmetries, at least one, with their divergences, the best first."""
