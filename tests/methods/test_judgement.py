@@ -114,3 +114,24 @@ def test_a_box_as_scanners_give_it_keeps_its_planes(damage):
     }[damage]()
     planes = detect_planes(cloud)
     assert min(found(planes, 0), found(planes, 1)) > 0.5
+
+
+def test_a_bite_leaves_all_three_planes_of_a_box():
+    """Density alone is sure of two of them here, and the third stands close behind."""
+    points = box(8000)
+    away = np.linalg.norm(points - [0.5, 0.0, 0.0], axis=1)
+    planes = detect_planes(points[away > np.quantile(away, 0.03)])
+    assert min(found(planes, axis) for axis in range(3)) > 0.5
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_plate_on_a_floor_has_its_two_upright_planes_and_no_other(seed):
+    """Plate and floor mirror in the sheet they both are; were that enough, the floor would stay and win."""
+    sizes = np.array([1.0, 0.6, 0.05])
+    rng = np.random.default_rng(seed)
+    plate = rng.uniform(-0.5, 0.5, (6000, 3))
+    axis = rng.choice(3, 6000, p=(1 / sizes) / (1 / sizes).sum())
+    plate[np.arange(6000), axis] = rng.choice([-0.5, 0.5], 6000)
+    planes = detect_planes(on_a_floor(plate * sizes, width=2.0))
+    sure = planes.normals[planes.confidences >= 0.5]
+    np.testing.assert_allclose(np.sort(np.abs(sure), axis=0), [[0, 0, 0], [1, 1, 0]], atol=0.02)

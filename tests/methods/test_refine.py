@@ -57,6 +57,16 @@ def test_converges_to_the_true_planes(angle_deg, distance, noise):
     np.testing.assert_array_equal(refined.planes.confidences, truth().confidences * refined.fit)
 
 
+def test_a_true_plane_across_which_points_thin_out_keeps_its_confidence():
+    """Eight times denser at one end of the y axis: the first plane, y = 0, mirrors the surface and not the density."""
+    points = wavy_cone(8000)
+    height = (points[:, 1] - points[:, 1].min()) / np.ptp(points[:, 1])
+    points = points[np.random.default_rng(1).random(len(points)) < 8 ** (height - 1)]
+    refined = refine_planes(points, off(truth(), 1, 0.01))
+    assert refined.fit.min() > 0.7
+    assert errors(refined.planes)[0] < 1
+
+
 def test_a_plane_that_fits_much_worse_than_the_best_loses_its_confidence():
     between = np.deg2rad(30)  # halfway between two true planes, where a curve of odd symmetry is least like itself
     normals = np.vstack([truth().normals, [-np.sin(between), np.cos(between), 0.0]])
