@@ -5,6 +5,20 @@ import math
 
 import yaml
 
+from symshrec.methods import DEFAULT
+from symshrec.scans import SAMPLES
+
+
+def add_detection(parser: argparse.ArgumentParser) -> None:
+    """The arguments that choose a method, what counts as a plane, and how a mesh becomes points."""
+    parser.add_argument("--method", default=DEFAULT, help=f"one of conf/method ({DEFAULT})")
+    parser.add_argument(
+        "--set", nargs="+", type=setting, action="extend", default=[], metavar="NAME=VALUE", help="of the method's own"
+    )
+    parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
+    parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
+    parser.add_argument("--seed", type=whole, default=0, help="of those points (0)")
+
 
 def count(text: str) -> int:
     """A whole number from 1 on."""

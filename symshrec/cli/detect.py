@@ -11,14 +11,12 @@ from typing import cast
 from tqdm import tqdm
 
 from symshrec.cli import EXIT_STATUSES
-from symshrec.cli.arguments import count, factor, setting, share, tolerance, whole
+from symshrec.cli.arguments import add_detection, count, factor, tolerance, whole
 from symshrec.cli.colours import RED, painted
 from symshrec.cli.outputs import STEM
 from symshrec.cli.products import check_outputs, write_outputs
 from symshrec.files.atomic import write_atomically
 from symshrec.geometry.residuals import mismatch
-from symshrec.geometry.triangles import MeshSurface
-from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
 from symshrec.planes.groups import ANGLE_DEG
 from symshrec.scans import MOST_SAMPLES, SAMPLES, STDIN, listed, read_cloud
@@ -42,18 +40,12 @@ def parser() -> argparse.ArgumentParser:
         "files", nargs="*", type=Path, metavar="FILE", help="clouds, or meshes to draw points on; - for standard input"
     )
     parser.add_argument("--example", action="store_true", help=f"write {EXAMPLE}, a chair, here and detect on it too")
-    parser.add_argument("--method", default=DEFAULT, help=f"one of conf/method ({DEFAULT})")
-    parser.add_argument(
-        "--set", nargs="+", type=setting, action="extend", default=[], metavar="NAME=VALUE", help="of the method's own"
-    )
-    parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
+    add_detection(parser)
     parser.add_argument("--max-planes", type=count, metavar="N", help="the N most confident at most (all)")
     parser.add_argument(
         "--group-deg", type=tolerance, default=ANGLE_DEG, help=f"that a plane may be off in a group ({ANGLE_DEG:g})"
     )
     parser.add_argument("--list", action="store_true", help="a line for each plane of a surface of revolution too")
-    parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
-    parser.add_argument("--seed", type=whole, default=0, help="of those points (0)")
     parser.add_argument(
         "--json", metavar="OUT", help="write all that was found; - to standard output, in place of tables"
     )
@@ -147,11 +139,11 @@ def detect_file(
     cloud = read_cloud(path, samples, seed)
     planes, diagonal = detect(cloud.points), diagonal_of(cloud.points)
     group = planes.group(diagonal, group_deg)
-    mesh = MeshSurface(*cloud.mesh) if cloud.mesh and len(planes) else None
+    surface = cloud.surface if len(planes) else None
     found, missing = (
         Measured(each, residuals, supports(cloud.points, each), asymmetries)
         for each in (planes, group.missing)
-        for residuals, asymmetries in [mismatch(cloud.points, each, mesh=mesh)]
+        for residuals, asymmetries in [mismatch(cloud.points, each, mesh=surface)]
     )
     return Detection(path, cloud, found, group, missing)
 

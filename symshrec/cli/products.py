@@ -10,7 +10,6 @@ import numpy as np
 from symshrec.cli.outputs import STEM, out_path
 from symshrec.files.atomic import write_atomically
 from symshrec.geometry.residuals import mirror_deviations
-from symshrec.geometry.triangles import MeshSurface
 from symshrec.planes import Planes
 from symshrec.scans import stem_of
 from symshrec.scans.bop import CONTINUOUS, DISCRETE, object_id, update_models_info
@@ -78,8 +77,7 @@ def _chosen(detection: Detection, number: int) -> Planes:
 
 def _deviations(detection: Detection, planes: Planes) -> np.ndarray:
     """Of the cloud's points from their mirror images, signed: (K, N)."""
-    mesh = MeshSurface(*detection.cloud.mesh) if detection.cloud.mesh else None
-    return mirror_deviations(detection.cloud.points, planes, mesh)
+    return mirror_deviations(detection.cloud.points, planes, detection.cloud.surface)
 
 
 def write_outputs(detection: Detection, options: argparse.Namespace) -> list[str]:

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from symshrec.cli import EXIT_STATUSES
-from symshrec.cli.arguments import count, setting, share, whole
+from symshrec.cli.arguments import add_detection, count
 from symshrec.cli.outputs import make_folder
-from symshrec.methods import DEFAULT
 from symshrec.planes import Planes
-from symshrec.scans import SAMPLES, read_cloud
-from symshrec.scans.report import printable, shown
+from symshrec.scans import read_cloud
+from symshrec.scans.report import diagonal_of, printable, shown
 from symshrec.scans.writing import WITH_FACES, WITHOUT_FACES, check_writable, write_shape
 
 
@@ -43,7 +42,7 @@ class Shape:
     @property
     def diagonal(self) -> float:
         """Of the axis-aligned box."""
-        return float(np.linalg.norm(np.ptp(self.surface, axis=0)))
+        return diagonal_of(self.surface)
 
 
 def shape_parser(command: str, description: str, planes: str) -> argparse.ArgumentParser:
@@ -60,13 +59,7 @@ def shape_parser(command: str, description: str, planes: str) -> argparse.Argume
     parser.add_argument(
         "--planes", type=count, nargs="+", metavar="N", help=f"by their numbers in symshrec detect's table ({planes})"
     )
-    parser.add_argument("--method", default=DEFAULT, help=f"one of conf/method ({DEFAULT})")
-    parser.add_argument(
-        "--set", nargs="+", type=setting, action="extend", default=[], metavar="NAME=VALUE", help="of the method's own"
-    )
-    parser.add_argument("--min-confidence", type=share, help="least confidence of a plane (the method's own threshold)")
-    parser.add_argument("--samples", type=count, default=SAMPLES, help=f"points drawn on a mesh ({SAMPLES})")
-    parser.add_argument("--seed", type=whole, default=0, help="of those points (0)")
+    add_detection(parser)
     return parser
 
 

@@ -2,7 +2,6 @@
 
 import argparse
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +12,11 @@ from symshrec.cli import EXIT_STATUSES
 from symshrec.cli.arguments import whole
 from symshrec.cli.sources import holds_shards, open_results, warnings_as_lines
 from symshrec.geometry.residuals import mirror_deviations
+from symshrec.geometry.triangles import MeshSurface
 from symshrec.planes import Planes
+from symshrec.reporting.figures import viewer
 from symshrec.reporting.figures.subject import MAPPED
+from symshrec.reporting.figures.viewer import Scene
 from symshrec.scans import STDIN, STDIN_NAME, listed, read_cloud, stem_of
 from symshrec.scans.polygons import Mesh
 
@@ -42,31 +44,25 @@ def parser() -> argparse.ArgumentParser:
 
 def run(options: argparse.Namespace) -> None:
     """Open the window, and tell on stderr what is in it."""
-    from symshrec.reporting.figures.viewer import require_window, show
-
-    require_window()
+    viewer.require_window()
     with warnings_as_lines("view"):
         scene = open_scene(options.source, options.id, options.split, options.predictions)
     parts = [f"{len(scene.points):,} points"]
     for planes, what in ((scene.planes, "true"), (scene.predicted, "predicted")):
         parts.append(f"{what} planes unknown" if planes is None else f"{len(planes)} {what} planes")
     print(f"{scene.name}: {', '.join(parts)}", file=sys.stderr)
-    deviations = None if scene.predicted is None else mirror_deviations(scene.points, scene.predicted[:MAPPED])
-    middle = np.min(scene.points, axis=0) + np.ptp(scene.points, axis=0) / 2  # the window draws in single precision
+    viewer.show(_centred(scene))
+
+
+def _centred(scene: Scene) -> Scene:
+    """The scene moved to the origin, with its deviations."""
+    surface, deviations = None if scene.mesh is None else MeshSurface(*scene.mesh), None
+    if scene.predicted is not None:
+        deviations = mirror_deviations(scene.points, scene.predicted[:MAPPED], surface)
+    middle = np.min(scene.points, axis=0) + np.ptp(scene.points, axis=0) / 2
     planes, predicted = (each and each.transformed(translation=-middle) for each in (scene.planes, scene.predicted))
     mesh = scene.mesh and Mesh(scene.mesh.vertices - middle, scene.mesh.triangles)
-    show(scene.points - middle, planes, predicted, scene.name, mesh, deviations)
-
-
-@dataclass(frozen=True, eq=False)
-class Scene:
-    """What is looked at: points (N, 3), the mesh that they are of, and the planes where they are known."""
-
-    name: str
-    points: np.ndarray
-    planes: Planes | None
-    predicted: Planes | None
-    mesh: Mesh | None = None
+    return Scene(scene.name, scene.points - middle, planes, predicted, mesh, deviations)
 
 
 def open_scene(source: Path, cloud: int | None, split: str | None, predictions: Path | None) -> Scene:

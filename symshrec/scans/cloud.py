@@ -3,10 +3,13 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+
+from symshrec.geometry.triangles import MeshSurface
 
 if TYPE_CHECKING:
     from symshrec.scans.polygons import Mesh
@@ -31,6 +34,11 @@ class FileCloud:
     notes: tuple[str, ...] = ()
     triangles: int = 0
     mesh: "Mesh | None" = None
+
+    @cached_property
+    def surface(self) -> MeshSurface | None:
+        """The mesh's surface, for distances from it."""
+        return None if self.mesh is None else MeshSurface(*self.mesh)
 
 
 def axis_places(names: Sequence[str]) -> tuple[int, int, int] | None:

@@ -88,13 +88,13 @@ def test_the_window_gets_the_cloud_and_every_plane(shards, monkeypatch):
     polyscope.set_use_prefs_file(False)
     polyscope.init("openGL_mock")
     cloud = ShardedSplit(shards, "test")[0]
-    viewer.register(cloud.points, cloud.planes, GUESS, "cloud")
+    viewer.register(viewer.Scene("cloud", cloud.points, cloud.planes, GUESS))
     assert polyscope.get_point_cloud("cloud").n_points() == len(cloud.points)
     names = [f"true plane {number + 1}" for number in range(len(cloud.planes))]
     for name in [*names, "predicted plane 1, confidence 0.75", "predicted plane 2, confidence 0.50"]:
         assert polyscope.get_surface_mesh(name).n_faces() >= 1
     polyscope.remove_all_structures()
-    viewer.register(cloud.points, None, None, "alone")
+    viewer.register(viewer.Scene("alone", cloud.points))
     assert not polyscope.has_surface_mesh("true plane 1")
 
 
@@ -105,10 +105,10 @@ def test_a_survey_is_drawn_about_its_own_centre(tmp_path, monkeypatch):
     write_planes(tmp_path / "a_sym.txt", Planes(GUESS.normals, np.tile(far, (2, 1))))
     shown = []
     monkeypatch.setattr(viewer, "require_window", lambda: None)
-    monkeypatch.setattr(viewer, "show", lambda *scene: shown.append(scene))
+    monkeypatch.setattr(viewer, "show", shown.append)
     assert main(["view", str(tmp_path / "a.csv")]) == 0
-    ((drawn, planes, predicted, name, *_),) = shown
+    (scene,) = shown
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    np.testing.assert_allclose(drawn, points - middle, atol=1e-6)
-    np.testing.assert_allclose(planes.offsets, GUESS.normals @ -middle, atol=1e-6)
-    assert (predicted, name) == (None, "a.csv")
+    np.testing.assert_allclose(scene.points, points - middle, atol=1e-6)
+    np.testing.assert_allclose(scene.planes.offsets, GUESS.normals @ -middle, atol=1e-6)
+    assert (scene.predicted, scene.name) == (None, "a.csv")

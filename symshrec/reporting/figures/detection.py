@@ -13,7 +13,6 @@ from symshrec.reporting.figures.outlines import round_length, view_of
 from symshrec.reporting.figures.raster import Canvas, Pane, render
 from symshrec.reporting.figures.shading import DIVERGING, shaded
 from symshrec.reporting.figures.subject import MANY, Subject
-from symshrec.scans.palette import colour_code
 
 SAMPLED = 2  # pixels that are drawn for each of the picture, across and down
 POINT = 0.6  # of a point's radius, as a share of what lies between neighbours
@@ -44,10 +43,7 @@ def picture(subject: Subject, *, side: float = 6.0, dpi: int = 200) -> bytes:
     if ends is not None:
         (a, b) = _relative(canvas, ends)
         ax.plot([a[0], b[0]], [a[1], b[1]], color="black", lw=1.2, dashes=(8, 3, 1.5, 3))
-    numbered = [
-        (corners, row + 1) for corners, row in zip(outlines, subject.shown, strict=True) if subject.numbered(row)
-    ]
-    _number(ax, canvas, numbered)
+    _number(ax, canvas, subject, dict(zip(subject.shown, outlines, strict=True)))
     if subject.group is not None:
         ax.text(0.02, 0.98, headline(subject.group), ha="left", va="top", fontsize=10)
     _scale_bar(ax, canvas)
@@ -64,10 +60,12 @@ def _relative(canvas: Canvas, places: np.ndarray) -> np.ndarray:
     return np.stack([pixels[:, 0], 1 - pixels[:, 1]], axis=1)
 
 
-def _number(ax: Axes, canvas: Canvas, outlines: list[tuple[np.ndarray, int]]) -> None:
+def _number(ax: Axes, canvas: Canvas, subject: Subject, outlines: dict[int, np.ndarray]) -> None:
     """Every plane's number by the corner of it that is farthest from those already numbered and from the middle."""
     taken: list[np.ndarray] = []
-    for corners, number in outlines:
+    rows = [row for row in outlines if subject.numbered(row)]
+    for row in rows:
+        corners = outlines[row]
         inner = corners + 0.05 * (corners.mean(axis=0) - corners)
         places = _relative(canvas, inner)
         room = [min([0.25, *(float(np.linalg.norm(each - other)) for other in taken)]) for each in places]
@@ -77,13 +75,13 @@ def _number(ax: Axes, canvas: Canvas, outlines: list[tuple[np.ndarray, int]]) ->
         ax.text(
             place[0],
             place[1],
-            str(number),
+            str(row + 1),
             color="white",
-            fontsize=11 if len(outlines) <= FEW else 8,
+            fontsize=11 if len(rows) <= FEW else 8,
             fontweight="bold",
             ha="center",
             va="center",
-            bbox={"boxstyle": "circle,pad=0.22", "facecolor": colour_code(number), "edgecolor": "white", "lw": 0.8},
+            bbox={"boxstyle": "circle,pad=0.22", "facecolor": subject.colour(row), "edgecolor": "white", "lw": 0.8},
         )
 
 

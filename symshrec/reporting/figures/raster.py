@@ -46,9 +46,13 @@ class Canvas:
 
     def places(self, depth: np.ndarray) -> np.ndarray:
         """What is seen in every pixel at depths (size, size): (size, size, 3)."""
-        grid = self.half * ((np.arange(self.size) + 0.5) / self.size * 2 - 1)
-        right, up = np.broadcast_arrays(self.middle[0] + grid[None, :], self.middle[1] - grid[:, None])
-        return np.stack([right, up, depth], axis=-1) @ self.view.axes
+        return np.stack([*np.broadcast_arrays(*self.grid), depth], axis=-1) @ self.view.axes
+
+    @property
+    def grid(self) -> tuple[np.ndarray, np.ndarray]:
+        """How far right (1, size) and up (size, 1) the pixels' centres are."""
+        steps = self.half * ((np.arange(self.size) + 0.5) / self.size * 2 - 1)
+        return self.middle[0] + steps[None, :], self.middle[1] - steps[:, None]
 
 
 def render(canvas: Canvas, depth: np.ndarray, image: np.ndarray, panes: list[Pane]) -> np.ndarray:
@@ -112,8 +116,7 @@ def _plane_depth(canvas: Canvas, pane: Pane) -> np.ndarray:
     right, up, towards = canvas.view.axes
     if length == 0 or abs(normal @ towards) < 1e-3 * length:
         return missing
-    grid = canvas.half * ((np.arange(canvas.size) + 0.5) / canvas.size * 2 - 1)
-    x, y = canvas.middle[0] + grid[None, :], canvas.middle[1] - grid[:, None]
+    x, y = canvas.grid
     depth = (normal @ pane.corners[0] - x * (normal @ right) - y * (normal @ up)) / (normal @ towards)
     inside = np.ones(depth.shape, dtype=bool)
     flat = pane.corners @ np.stack([right, up], axis=1)

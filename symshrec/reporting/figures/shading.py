@@ -12,10 +12,8 @@ GREY = np.array([0.62, 0.65, 0.7])
 DIVERGING = "RdBu_r"
 LIGHT = np.array([0.25, 0.55, 0.8]) / np.linalg.norm([0.25, 0.55, 0.8])  # towards it: right, up and to the viewer
 AMBIENT, DIFFUSE = 0.55, 0.5
-NEIGHBOURS, THINNED = (
-    4,
-    2000,
-)  # points that a deviation between them is the mean of; points that a spacing is taken from
+NEIGHBOURS = 4  # points that a deviation between them is the mean of
+THINNED = 2000  # points that a spacing is taken from
 SMALLEST, LARGEST = 1, 9  # pixels, of a point's radius
 
 

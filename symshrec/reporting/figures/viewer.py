@@ -2,6 +2,7 @@
 
 import os
 import sys
+from dataclasses import dataclass
 from importlib.util import find_spec
 
 import numpy as np
@@ -12,6 +13,7 @@ from symshrec.reporting.figures.drawing import POINTS, PREDICTED, TRUE
 from symshrec.reporting.figures.outlines import outline, round_length
 from symshrec.scans.palette import colour_code, colour_number
 from symshrec.scans.polygons import Mesh
+from symshrec.scans.report import diagonal_of
 
 OPACITY = 0.35
 SURFACE = (0.62, 0.65, 0.7)
@@ -31,46 +33,53 @@ def require_window() -> None:
         raise ValueError("there is no screen here to open a window on; symshrec detect --plot draws to a file")
 
 
-def register(
-    points: np.ndarray,
-    planes: Planes | None,
-    predicted: Planes | None,
-    name: str = "cloud",
-    mesh: Mesh | None = None,
-    deviations: np.ndarray | None = None,
-) -> None:
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is looked at, near the origin, since the window draws in single precision.
+
+    Attributes:
+        points: (N, 3). mesh: that they are of; its faces are drawn, and the points hidden.
+        planes, predicted: true and predicted ones, None where they are not known.
+        deviations: (K, N), of the points from their mirror images in the predicted planes, to be chosen in the window.
+    """
+
+    name: str
+    points: np.ndarray
+    planes: Planes | None = None
+    predicted: Planes | None = None
+    mesh: Mesh | None = None
+    deviations: np.ndarray | None = None
+
+
+def register(scene: Scene) -> None:
     """Hand a shape and its planes to an initialised Polyscope.
 
     True planes are blue and predicted ones vermilion where both are there; predicted ones alone have the colours of
     their numbers, as `symshrec detect` gives them. Each set is a group that can be hidden as one; planes are cut
     to the shape's extent.
-
-    Args:
-        points: (N, 3). mesh: that they are of; its faces are drawn, and the points hidden.
-        deviations: (K, N), of the points from their mirror images in the predicted planes, to be chosen in the window.
     """
     import polyscope
 
-    points = np.asarray(points, dtype=np.float64)
-    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    points, mesh, predicted = np.asarray(scene.points, dtype=np.float64), scene.mesh, scene.predicted
+    extent = diagonal_of(points)
     polyscope.set_up_dir("z_up")
     polyscope.set_ground_plane_mode("none")
     polyscope.set_transparency_mode("pretty")
-    cloud = polyscope.register_point_cloud(name, points, color=to_rgb(POINTS), enabled=mesh is None)
+    cloud = polyscope.register_point_cloud(scene.name, points, color=to_rgb(POINTS), enabled=mesh is None)
     cloud.set_radius(RADIUS * extent, relative=False)
-    for row, values in enumerate([] if deviations is None else deviations):
+    for row, values in enumerate([] if scene.deviations is None else scene.deviations):
         most = float(np.quantile(np.abs(values), 0.99)) or 1e-12
         title = f"distance from the mirror image in plane {row + 1}"
         cloud.add_scalar_quantity(title, values, vminmax=(-most, most), cmap="coolwarm")
     if mesh is not None:
-        surface = polyscope.register_surface_mesh(f"{name} faces", mesh.vertices, mesh.triangles, color=SURFACE)
+        surface = polyscope.register_surface_mesh(f"{scene.name} faces", mesh.vertices, mesh.triangles, color=SURFACE)
         surface.set_smooth_shade(False)
     _register_scale(polyscope, points)
-    for title, layer, colour in (("true planes", planes, TRUE), ("predicted planes", predicted, PREDICTED)):
+    for title, layer, colour in (("true planes", scene.planes, TRUE), ("predicted planes", predicted, PREDICTED)):
         if layer is None or not len(layer):
             continue
         group = polyscope.create_group(title)
-        group_of = layer.group(extent) if layer is predicted and planes is None and extent else None
+        group_of = layer.group(extent) if layer is predicted and scene.planes is None and extent else None
         for number, (normal, point, confidence) in enumerate(
             zip(layer.normals, layer.points, layer.confidences, strict=True), 1
         ):
@@ -96,15 +105,8 @@ def _register_scale(polyscope, points: np.ndarray) -> None:
         line.set_radius(2 * RADIUS * float(np.linalg.norm(sides)), relative=False)
 
 
-def show(
-    points: np.ndarray,
-    planes: Planes | None,
-    predicted: Planes | None,
-    name: str = "cloud",
-    mesh: Mesh | None = None,
-    deviations: np.ndarray | None = None,
-) -> None:
-    """Open the window with what `register` takes, and wait until it is closed.
+def show(scene: Scene) -> None:
+    """Open the window, and wait until it is closed.
 
     Raises:
         ValueError: as `require_window`, and where the screen has no OpenGL.
@@ -118,5 +120,5 @@ def show(
         polyscope.init()
     except RuntimeError as error:
         raise ValueError(f"no window can be opened ({error}); the viewer needs a screen with OpenGL") from error
-    register(points, planes, predicted, name, mesh, deviations)
+    register(scene)
     polyscope.show()
