@@ -1,6 +1,7 @@
 """The one LightningDataModule, over generated shards or the track's own folders."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,12 @@ from tqdm import tqdm
 from symshrec.benchmark.cloud import ALL_FAMILIES, ALL_SOLIDS, PERTURBATIONS, LabelledCloud
 from symshrec.benchmark.official import OfficialFolder
 from symshrec.benchmark.shards import ShardedSplit
+from symshrec.benchmark.stream import CloudStream, GeneratedSplit
 from symshrec.data.batch import Batch, SampledBatch
 from symshrec.data.rounds import RoundSampler
-from symshrec.data.samples import cached_samples
-from symshrec.data.settings import DataKind, DataSettings, SamplingKind
+from symshrec.data.samples import CachedSamples, drawn
+from symshrec.data.settings import DataKind, DataSettings, SamplingKind, SamplingSettings
+from symshrec.data.training import MappedDataset, SampledDataset, StreamedDataset, fits_memory, mapped_clouds
 from symshrec.scans.folder import CloudFolder
 
 
@@ -46,7 +49,7 @@ def as_it_is(batch: Any) -> SampledBatch:
 class CloudDataset(Dataset):
     """The clouds at `positions` of a split, with their samples where there are any."""
 
-    def __init__(self, split, positions: np.ndarray, samples: np.ndarray | None = None):
+    def __init__(self, split, positions: np.ndarray, samples: CachedSamples | None = None):
         self.split, self.positions, self.samples = split, positions, samples
 
     def __len__(self) -> int:
@@ -57,30 +60,42 @@ class CloudDataset(Dataset):
         return position, self.split[position], None if self.samples is None else self.samples[position]
 
 
-class SampledDataset(Dataset):
-    """The sampled points and true planes of the clouds at `positions` of a split, in memory: whole batches at once."""
+class HeldDataset(Dataset):
+    """Some clouds of a generated split with their samples, made once and held in memory."""
 
-    def __init__(self, split, positions: np.ndarray, samples: np.ndarray, progress: bool = True):
-        points = np.empty((len(positions), samples.shape[1], 3), np.float32)
-        truth = []
-        shown = tqdm(positions, unit="cloud", desc="training clouds", disable=not progress, leave=False)
-        for row, position in enumerate(shown):
-            cloud = split[int(position)]
-            points[row] = cloud.points[samples[position]]
-            truth.append(cloud.planes)
-        self.clouds = SampledBatch.of(torch.from_numpy(points), truth)
+    def __init__(self, split: GeneratedSplit, positions: Iterable[int], sampling: SamplingSettings, seed: int):
+        self.items = []
+        for position in positions:
+            cloud, samples = split[position], None
+            if sampling.kind is not SamplingKind.none:
+                samples = drawn([cloud.points], [position], sampling, seed)[0]
+            self.items.append((position, cloud, samples))
 
     def __len__(self) -> int:
-        return len(self.clouds)
+        return len(self.items)
 
-    def __getitem__(self, rows: list[int]) -> SampledBatch:
-        return self.clouds[torch.tensor(rows)]
+    def __getitem__(self, item: int) -> tuple[int, LabelledCloud, np.ndarray | None]:
+        return self.items[item]
+
+
+def passing(split, keep: Mapping[str, Sequence[str] | None], limit: int | None = None) -> np.ndarray:
+    """Positions of the clouds of a split, ascending, that have one of the labels in `keep`; the first `limit` of them.
+
+    Args:
+        split: with an array of labels (C,) for each key of `keep` whose value is not None.
+    """
+    kept = np.ones(len(split), dtype=bool)
+    for attribute, wanted in keep.items():
+        if wanted is not None:
+            kept &= np.isin(getattr(split, attribute), list(wanted))
+    return np.flatnonzero(kept)[:limit]
 
 
 class SymmetryDataModule(LightningDataModule):
     """Train and validation (a fold of the training split), test and predict (the test split).
 
-    Training needs samples, which it holds in memory, so that no step waits for the disk.
+    Training needs samples, which it holds in memory, so that no step waits for the disk; in a mapped file where they
+    are too many. A streamed training makes its clouds as they are needed, and holds those that validate.
 
     Args:
         settings: what is loaded and how.
@@ -104,17 +119,22 @@ class SymmetryDataModule(LightningDataModule):
         self.settings, self.seed = settings, seed
         self.root, self.test_split = Path(settings.root), settings.test_split
         self.train_batch_size, self.steps_per_round = train_batch_size, steps_per_round
-        self.datasets: dict[str, SampledDataset | CloudDataset] = {}
-        self._splits: dict[str, ShardedSplit | OfficialFolder | CloudFolder] = {}
+        self.datasets: dict[str, Dataset] = {}
+        self._samples: dict[str, CachedSamples] = {}
+        self._splits: dict[str, ShardedSplit | GeneratedSplit | OfficialFolder | CloudFolder] = {}
 
     def split(self, name: str):
         """The whole split `name`, opened once: ShardedSplit, OfficialFolder, or CloudFolder for training alone.
+
+        Of a streamed training, the split `train` is a GeneratedSplit.
 
         Raises:
             ValueError: for a test on clouds without truth; and what those classes raise.
         """
         if name not in self._splits:
-            if self.settings.kind is DataKind.shards:
+            if self.settings.stream and name == "train":
+                self._splits[name] = GeneratedSplit(self.settings.benchmark, name)
+            elif self.settings.kind is DataKind.shards:
                 self._splits[name] = ShardedSplit(self.root, name, verify=self.settings.verify)
             elif self.settings.kind is DataKind.clouds:
                 if name != "train":
@@ -128,50 +148,73 @@ class SymmetryDataModule(LightningDataModule):
 
     def positions(self, name: str) -> np.ndarray:
         """Positions of the split `name` that pass the filters, ascending."""
-        split = self.split(name)
-        kept = np.ones(len(split), dtype=bool)
-        for attribute, wanted in self.keep.items():
-            if wanted is not None:
-                kept &= np.isin(getattr(split, attribute), list(wanted))
-        positions = np.flatnonzero(kept)[: self.settings.limit]
+        positions = passing(self.split(name), self.keep, self.settings.limit)
         if not len(positions):
             wanted = ", ".join(f"{name}={list(value)}" for name, value in self.keep.items() if value is not None)
             raise ValueError(f"{self.root}, split {name}: no cloud is left by the filters ({wanted or 'none set'})")
         return positions
 
-    def samples(self, name: str) -> np.ndarray | None:
-        """(C, points) sample indices of the split `name`, drawn once; None where none are asked for."""
-        if self.settings.sampling.kind is SamplingKind.none:
-            return None
-        split, sampling = self.split(name), self.settings.sampling
-        folder = self.root / "samples" / name
-        return cached_samples(split, sampling.kind, sampling.points, self.seed, folder, split.fingerprint)
+    def samples(self, name: str) -> CachedSamples | None:
+        """Sample indices of the split `name`, drawn once; None where none are asked for."""
+        return None if self.settings.sampling.kind is SamplingKind.none else self._drawn(name)
+
+    def _drawn(self, name: str) -> CachedSamples:
+        if name not in self._samples:
+            split, folder = self.split(name), self.root / "samples" / name
+            self._samples[name] = CachedSamples(split, self.settings.sampling, self.seed, folder, split.fingerprint)
+        return self._samples[name]
 
     def prepare_data(self) -> None:
-        """Draw missing samples of the split the trainer is about to use, in one process."""
-        if self.trainer is not None and self.settings.sampling.kind is not SamplingKind.none:
-            self.samples("train" if self.trainer.state.fn in ("fit", "validate") else self.test_split)
+        """Write what is missing beside the split that the trainer is about to use, in one process."""
+        if self.trainer is None or self.settings.sampling.kind is SamplingKind.none:
+            return
+        stage = self.trainer.state.fn
+        name = "train" if stage in ("fit", "validate") else self.test_split
+        if not (self.settings.stream and name == "train"):
+            samples = self._drawn(name)
+            if stage == "fit" and not self._in_memory():
+                mapped_clouds(self.split(name), samples, self.settings.verify)
 
     def setup(self, stage: str | None = None) -> None:
         """Open, filter and fold the split that the stage needs."""
         if stage in ("fit", "validate", None):
-            split, positions, samples = self.split("train"), self.positions("train"), self.samples("train")
-            train, val = self._fold(positions)
+            _, val = self._fold(self.positions("train"))
+            positions = self.positions("train")[val][: self.settings.validation_clouds]
             if stage == "fit":
-                self.datasets["train"] = SampledDataset(split, positions[train], self._needed(samples))
-            self.datasets["val"] = CloudDataset(split, positions[val][: self.settings.validation_clouds], samples)
+                self.datasets["train"] = self._training()
+            self.datasets["val"] = self._validation(positions)
         if stage in ("test", "predict", None):
             name = self.test_split
             self.datasets["test"] = CloudDataset(self.split(name), self.positions(name), self.samples(name))
 
-    def training_clouds(self) -> int:
-        """How many clouds the training folds hold, without reading them."""
-        return len(self._fold(self.positions("train"))[0])
-
-    def _needed(self, samples: np.ndarray | None) -> np.ndarray:
-        if samples is None:
+    def _training(self) -> Dataset:
+        settings = self.settings
+        if settings.sampling.kind is SamplingKind.none:
             raise ValueError("training needs sampled points; set data.sampling.kind=farthest")
-        return samples
+        if settings.stream:
+            chosen = partial(passing, keep=self.keep, limit=settings.limit)
+            return StreamedDataset(CloudStream(settings.benchmark, "train", chosen), settings.sampling, self.seed)
+        split, samples, positions = self.split("train"), self._drawn("train"), self.positions("train")
+        positions = positions[self._fold(positions)[0]]
+        if self._in_memory():
+            return SampledDataset(split, positions, samples)
+        return MappedDataset(positions, *mapped_clouds(split, samples, settings.verify))
+
+    def _validation(self, positions: np.ndarray) -> Dataset:
+        """The clouds that validate; a stream's are made once and held."""
+        if not self.settings.stream:
+            return CloudDataset(self.split("train"), positions, self.samples("train"))
+        shown = tqdm(positions.tolist(), unit="cloud", desc="validation clouds", leave=False)
+        return HeldDataset(self.split("train"), shown, self.settings.sampling, self.seed)
+
+    def _in_memory(self) -> bool:
+        asked = self.settings.in_memory
+        return fits_memory(self.training_clouds(), self.settings.sampling.points) if asked is None else asked
+
+    def training_clouds(self) -> int:
+        """How many clouds an epoch holds, without reading them: those of the training folds, or a stream's."""
+        positions = self.positions("train")
+        return len(positions) if self.settings.stream else len(self._fold(positions)[0])
 
     def _fold(self, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         split = self.split("train")
@@ -197,11 +240,25 @@ class SymmetryDataModule(LightningDataModule):
         if self.trainer:
             rank, processes = self.trainer.global_rank, self.trainer.world_size
             first = self.trainer.fit_loop.total_batch_idx + 1
-        clouds = self.datasets["train"]
+        stream, workers = self.settings.stream, self.settings.workers if self.settings.stream else 0
         sampler = RoundSampler(
-            len(clouds), self.train_batch_size, self.steps_per_round, self.seed, rank, processes, first
+            self.training_clouds(),
+            self.train_batch_size,
+            self.steps_per_round,
+            self.seed,
+            rank,
+            processes,
+            first,
+            stream,
         )
-        return DataLoader(clouds, sampler=sampler, batch_size=None, collate_fn=as_it_is)
+        return DataLoader(
+            self.datasets["train"],
+            sampler=sampler,
+            batch_size=None,
+            num_workers=workers,
+            persistent_workers=workers > 0,
+            collate_fn=as_it_is,
+        )
 
     def val_dataloader(self) -> DataLoader:
         return self._loader("val")

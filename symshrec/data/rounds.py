@@ -14,19 +14,28 @@ class RoundSampler(Sampler[list[int]]):
     resumed sees what it would have seen.
 
     Args:
-        clouds: in the training set.
+        clouds: of an epoch.
         batch_size: clouds of a batch, on each process.
         steps: batches of a round.
         seed: of the permutations.
         rank, processes: every process takes each `processes`-th batch, from its rank on.
         first: batch of the endless row that this process begins with; what comes before it is left out of its round.
+        endless: whether every epoch has clouds of its own: the indices of epoch e are those from e · clouds on.
 
     Raises:
         ValueError: where the clouds do not fill one batch for each process.
     """
 
     def __init__(
-        self, clouds: int, batch_size: int, steps: int, seed: int, rank: int = 0, processes: int = 1, first: int = 0
+        self,
+        clouds: int,
+        batch_size: int,
+        steps: int,
+        seed: int,
+        rank: int = 0,
+        processes: int = 1,
+        first: int = 0,
+        endless: bool = False,
     ):
         if clouds < batch_size * processes:
             raise ValueError(
@@ -34,6 +43,7 @@ class RoundSampler(Sampler[list[int]]):
             )
         self.clouds, self.batch_size, self.steps, self.seed = clouds, batch_size, steps, seed
         self.rank, self.processes, self.first, self.round = rank, processes, first, 0
+        self.endless = endless
 
     @property
     def epoch_steps(self) -> int:
@@ -54,5 +64,6 @@ class RoundSampler(Sampler[list[int]]):
             if epoch != drawn:
                 drawn = epoch
                 order = np.random.default_rng(np.random.SeedSequence((self.seed, epoch))).permutation(self.clouds)
+                order += epoch * self.clouds if self.endless else 0
             start = (place * self.processes + self.rank) * self.batch_size
             yield order[start : start + self.batch_size].tolist()

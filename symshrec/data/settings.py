@@ -46,13 +46,17 @@ class DataSettings:
         subset: keep only clouds whose ID stands in this text file, one a line (official folders).
         verify: compare every shard with its sha256 before use.
         test_split: what test and predict read; `train` for studies that must leave the test split alone.
+        stream: train on clouds that are made as they are needed and never come again, `workers` processes making them;
+            nothing of the training split need be on disk.
+        in_memory: whether the training clouds' sampled points are held in memory, or mapped from a file beside the
+            data; None holds them where they fill less than a quarter of the machine's memory.
         validation_clouds: the first so many of the validating fold, which the split has in no order; None takes all.
         hard: the data whose P6–P9 stand beside this one's tables. scan: and whose P10–P15.
         sampling: see `SamplingSettings`.
         benchmark: how shards are made, where they are.
 
     Raises:
-        ValueError: for a fold that there is not.
+        ValueError: for a fold that there is not, or a stream of what nothing generates.
     """
 
     name: str = "clouds"
@@ -69,6 +73,8 @@ class DataSettings:
     limit: int | None = None
     subset: str | None = None
     verify: bool = True
+    stream: bool = False
+    in_memory: bool | None = None
     test_split: str = "test"
     validation_clouds: int | None = 1000
     hard: str = "hard_quick"
@@ -81,3 +87,10 @@ class DataSettings:
             raise ValueError(
                 f"data.fold is {self.fold}; with {self.folds} folds it must be between 0 and {self.folds - 1}"
             )
+        if self.stream and self.kind is not DataKind.shards:
+            raise ValueError(
+                f"data.stream=true needs data that are generated, and data.kind={self.kind.name} is not; choose "
+                "data=paper, say"
+            )
+        if self.stream and self.solids is not None:
+            raise ValueError("data.solids is known only of clouds that are made; leave it out with data.stream=true")

@@ -205,7 +205,7 @@ def _prepare(config: DictConfig, method: LearnedMethod, data: SymmetryDataModule
 
 
 def _trainer(config: DictConfig, folder: Path, rounds: int, *callbacks: Callback) -> Trainer:
-    warnings.filterwarnings("ignore", message=".*does not have many workers")  # the training set is in memory
+    warnings.filterwarnings("ignore", message=".*does not have many workers")  # a step hardly waits: see Progress
     warnings.filterwarnings("ignore", message="Be aware that when using `ckpt_path`")  # of Lightning's own checkpoints
     warnings.filterwarnings("ignore", message=".*your dataloader is not resumable")  # RoundSampler is, by its `first`
     settings = config.train
@@ -234,15 +234,14 @@ def _record(
 ) -> dict:
     """How the weights came about, and what the validating fold says of them."""
     trainer.validate(method, datamodule=data, verbose=False)
-    split = data.split("train")
     return {
         "name": config.title,
         "method": config.method.name,
         "run": config.run.name,
         "fold": config.data.fold,
-        "data": {"name": f"{config.data.name}{config.data.variant}", "manifest_sha256": split.fingerprint},
+        "data": _data_record(config, data),
         "clouds": progress.clouds,
-        "epochs": round(progress.clouds / len(data.datasets["train"]), 3),
+        "epochs": round(progress.clouds / data.training_clouds(), 3),
         "steps": trainer.global_step,
         "seconds": round(progress.seconds, 1),
         "share_waiting_for_data": round(progress.waited / max(progress.seconds, 1e-9), 5),
@@ -256,6 +255,16 @@ def _record(
         "peak_memory_mib": peak_memory_mib(),
         "code": code_version(),
     }
+
+
+def _data_record(config: DictConfig, data: SymmetryDataModule) -> dict:
+    """What was learnt from: data with a manifest, or a stream, known by what its clouds are made from."""
+    name, known = f"{config.data.name}{config.data.variant}", data.split("train").fingerprint
+    return (
+        {"name": f"{name}, streamed", "stream_sha256": known}
+        if config.data.stream
+        else {"name": name, "manifest_sha256": known}
+    )
 
 
 def _validation(trainer: Trainer) -> dict[str, float]:

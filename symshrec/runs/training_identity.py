@@ -11,6 +11,7 @@ SETTINGS = "settings.json"  # in the training's folder
 NO_INFLUENCE = (  # beginnings of keys
     "data.batch_size",
     "data.hard",
+    "data.in_memory",
     "data.root",
     "data.test_split",
     "data.validation_clouds",
@@ -43,6 +44,8 @@ def training_identity(config: DictConfig) -> dict[str, object]:
     flat = dict(_flattened(plain | {"seed": config.seed}))
     if config.ckpt_path is not None and Path(config.ckpt_path).is_file():
         flat["ckpt_path"] = hashlib.sha256(Path(config.ckpt_path).read_bytes()).hexdigest()
+    if not flat.get("data.stream"):
+        flat.pop("data.stream", None)  # older trainings, which go on, know of none
     return {key: value for key, value in flat.items() if not key.startswith(NO_INFLUENCE)}
 
 

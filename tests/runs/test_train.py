@@ -97,6 +97,27 @@ def test_stopped_after_every_step_a_training_ends_with_the_same_weights(tiny, me
     assert ("val/mAP" in result["validation"]) == (method != "m2_pretrain")
 
 
+def test_a_streamed_training_stopped_at_every_step_ends_as_one_with_a_process_that_generates(tiny, tmp_path):
+    streamed = ["data.stream=true", "train.epochs=1.5", f"data.root={tmp_path / 'nothing'}"]
+    whole, pieces = tiny("whole", *streamed, "data.workers=1"), tiny("pieces", *streamed, AT_ONCE)
+    result = train(whole)
+    while (finished := train(pieces)) is None:
+        pass
+    assert_equal_weights(whole, pieces)
+    assert finished["validation"] == result["validation"]
+    assert finished["epochs"] == pytest.approx(result["steps"] * 8 / 42, abs=1e-3)
+    assert finished["data"].keys() == {"name", "stream_sha256"}
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_a_training_on_mapped_points_ends_with_the_same_weights(tiny, smoke_root):
+    held, mapped = tiny("held", "train.epochs=1"), tiny("mapped", "train.epochs=1", "data.in_memory=false")
+    train(held)
+    train(mapped)
+    assert_equal_weights(held, mapped)
+    assert list((smoke_root / "samples" / "train").glob("points-farthest-32.bin"))
+
+
 def test_killed_within_a_long_round_a_training_ends_with_the_same_weights(tiny, smoke_root, small_benchmark):
     long = ["train.epochs=12", "train.steps_per_round=48"]
     whole, killed = tiny("whole", *long), tiny("killed", *long)
