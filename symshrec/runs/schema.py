@@ -99,6 +99,7 @@ class RowsConfig:
     so3_refined: list[str] = field(default_factory=list)
     cards: list[str] = field(default_factory=list)
     all: bool = False
+    by_metrics: bool = False
 
 
 @dataclass

@@ -38,7 +38,8 @@ def tabulate(config: DictConfig) -> Tabulated:
     """Write the tables and figures of all finished runs on `config.data` into `config.paths.tables`.
 
     P6–P9 come from the runs on `data.hard`, P10–P15 from those on `data.scan`, full rotations from those on <data>-so3,
-    where there are any.
+    where there are any. The reliability figure and the refinement's table need the predictions themselves: with
+    `rows.by_metrics` a run that has none left, from another machine say, is in neither, and a remark names it.
 
     Raises:
         ValueError: where nothing has run yet, naming the command; for data that lack one of P0–P5; for runs on another
@@ -46,7 +47,9 @@ def tabulate(config: DictConfig) -> Tabulated:
     """
     data, folder = _name(config), Path(config.paths.tables)
     split = datamodule_of(config).split(config.data.test_split)
-    main = _with_predictions(_rows(config, data, table_rows(config), split.fingerprint), table_rows(config))
+    every = _rows(config, data, table_rows(config), split.fingerprint)
+    predicted = _with_predictions(every, () if config.rows.by_metrics else table_rows(config))
+    main = every if config.rows.by_metrics else predicted
     if not main.results:
         raise ValueError(
             f"no finished run in {main.folder}; symshrec reproduce data={config.data.name} makes them all, and "
@@ -66,7 +69,7 @@ def tabulate(config: DictConfig) -> Tabulated:
         so3=list(so3.results.values()),
         missing={name: rows.missing for name, rows in apart.items()},
     )
-    paths = {name: main.folder / name / PREDICTIONS / WHOLE for name in main.results}
+    paths = {name: main.folder / name / PREDICTIONS / WHOLE for name in predicted.results}
     compared = compare_runs(paths, split)
     compared = {name: replace(each, name=main.results[name]["name"]) for name, each in compared.items()}
     refined, refinement = write_refinement(compared, folder, provenance(results))
@@ -74,6 +77,10 @@ def tabulate(config: DictConfig) -> Tabulated:
     files += refined + make_result_figures(results, folder, searched)
     _record(folder, files, list(apart.values()))
     remarks = [f"left out: {line}" for rows in apart.values() for line in rows.left_out]
+    if config.rows.by_metrics:
+        without = [name for name in main.results if name not in predicted.results]
+        if without:
+            remarks.append(f"without predictions, so neither in reliability.png nor refinement.*: {', '.join(without)}")
     if main.missing:
         remarks.append(f"not run, so left out: {', '.join(main.missing)}")
     if not config.rows.all and not main.results.keys() & set(refined_rows(config)):
@@ -148,7 +155,7 @@ def _with_predictions(rows: Rows, listed: Sequence[str]) -> Rows:
     if gone := [lack for name, lack in lacks.items() if name in listed]:
         raise ValueError(
             f"{'; '.join(gone)}; evaluate {', '.join(name for name in lacks if name in listed)} again, which predicts "
-            "the missing clouds only"
+            "the missing clouds only, or set rows.by_metrics=true, which leaves out what needs predictions"
         )
     kept = {name: result for name, result in rows.results.items() if name not in lacks}
     left_out = [f"{lack}; evaluate {name} again" for name, lack in lacks.items()]

@@ -82,6 +82,18 @@ def test_tables_name_the_run_whose_predictions_are_gone_or_damaged(runs, harm):
     assert line.endswith("evaluate other again")
 
 
+def test_a_run_without_predictions_is_in_the_tables_where_metrics_are_enough(runs, tmp_path):
+    evaluate(runs())
+    evaluate(runs("name=other", "title=Another", "method.angle_deg=5"))
+    table, folder = tabulate(runs()).text, Path(runs().folder)
+    (folder / "predictions" / "predictions.safetensors").unlink()
+    done = tabulate(runs("rows.by_metrics=true"))
+    assert done.text == table
+    assert "without predictions, so neither in reliability.png nor refinement.*: oracle" in done.remarks
+    publish(runs("rows.by_metrics=true"))
+    assert (tmp_path / "results" / "smoke" / "oracle" / "metrics.json").exists()
+
+
 def test_tables_say_how_to_begin(runs):
     with pytest.raises(ValueError, match=r"no finished run in .*smoke; symshrec reproduce data=smoke makes them all"):
         tabulate(runs())
