@@ -37,12 +37,13 @@ def command(config):
     end, other = os.pipe()
     if child := os.fork():
         os.close(other)
-        os.kill(child, signal.SIGUSR2)
-        os.waitpid(child, 0)  # after its answer
+        os.waitpid(child, 0)
         (folder / f"child{begun}").write_bytes(os.read(end, 9))
         os.kill(os.getpid(), signal.SIGUSR2)
-    os.write(other, b"goes on")
-    os._exit(0)
+    else:
+        os.kill(os.getpid(), signal.SIGUSR2)
+        os.write(other, b"goes on")
+        os._exit(0)
 '''
 
 
