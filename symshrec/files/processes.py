@@ -26,9 +26,11 @@ def forked() -> bool:
 def end_with_parent() -> None:
     """End this worker the moment its parent is gone, so that no orphan writes into a folder taken up again.
 
-    Ctrl-C is left to the parent, which lets the work in hand be finished.
+    Ctrl-C is left to the parent, which lets the work in hand be finished, and so is SIGUSR2, by which SLURM announces
+    the end of a job's time to all its processes.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGUSR2):
+        signal.signal(number, signal.SIG_IGN)
 
     def watch():
         wait([multiprocessing.parent_process().sentinel])

@@ -4,6 +4,7 @@ import functools
 import multiprocessing
 import os
 import sys
+import traceback
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +16,15 @@ from hydra.errors import HydraException
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from symshrec.runs.config import MAIN, VERSION_BASE, conf_folder, hydra_apart, load, loader, register
+from symshrec.runs.config import MAIN, VERSION_BASE, conf_folder, hydra_apart, load, loader, register, resolvers
+from symshrec.runs.queue import (
+    end_left_to_queue,
+    errors_let_through,
+    prepare_job,
+    queued,
+    refuse_missing,
+    told_by_queue,
+)
 
 USER_ERROR, INTERRUPTED = 2, 130
 MISTAKES = (ValueError, OSError, FloatingPointError, OmegaConfBaseException, HydraException)
@@ -29,8 +38,8 @@ def entry(task: Task) -> Callable[..., None]:
 
     Returns:
         command(arguments, name): runs the task with the given words, or those of the command line, under the name that
-        its messages begin with. It ends the process with status 2 after a user's mistake and 130 after Ctrl-C, with one
-        line for each.
+        its messages begin with. It ends the process with status 2 after a user's mistake, in a job as well, and 130
+        after Ctrl-C, with one line for each.
     """
 
     @functools.wraps(task)
@@ -44,7 +53,9 @@ def entry(task: Task) -> Callable[..., None]:
             try:
                 _check(words, name)
                 main = hydra.main(version_base=VERSION_BASE, config_path=str(conf_folder()), config_name=MAIN)
-                main(_Job(task, name, line))()
+                job = _Job(task, name, line)
+                with errors_let_through(words):
+                    main(job)()
             finally:
                 sys.argv = line
 
@@ -57,34 +68,53 @@ class _Job:
     def __init__(self, task: Task, name: str, line: list[str]):
         functools.update_wrapper(self, task)
         self.task, self.name, self.line = task, name, line
+        self.tracebacks = os.environ.get("HYDRA_FULL_ERROR")
 
     def __call__(self, config: DictConfig) -> float | None:
         if multiprocessing.get_start_method(allow_none=True) == "loky":  # joblib's, unknown to a method's own processes
             multiprocessing.set_start_method("spawn", force=True)
         sys.argv = self.line  # with which Lightning starts its further processes
-        with one_line_errors(self.name):
+        resolvers()
+        prepare_job(self.tracebacks)
+        with one_line_errors(self.name, raised=queued()), end_left_to_queue():
             return self.task(config)
 
 
 class one_line_errors:
-    """Turns a user's mistake, or Ctrl-C, into one line on stderr and an exit status."""
+    """Turns a user's mistake, or Ctrl-C, into one line on stderr and an exit status.
 
-    def __init__(self, name: str):
-        self.name = name
+    Args:
+        raised: raise the mistake after its line, as a ValueError that can be pickled, for the process that waits; of
+            all other errors, leave the traceback on stderr, which a pickle would lose.
+    """
+
+    def __init__(self, name: str, raised: bool = False):
+        self.name, self.raised = name, raised
+        self.tracebacks = bool(os.environ.get("HYDRA_FULL_ERROR"))
 
     def __enter__(self) -> None:
         return None
 
-    def __exit__(self, kind, error, traceback) -> None:
+    def __exit__(self, kind, error, trace) -> None:
         if isinstance(error, KeyboardInterrupt) or _ended_by_lightning(error):
             print(f"{self.name}: interrupted", file=sys.stderr)
             raise SystemExit(INTERRUPTED) from None
-        if isinstance(error, MISTAKES) and not os.environ.get("HYDRA_FULL_ERROR"):
-            text = str(error).strip()
-            if isinstance(error, OmegaConfBaseException):
-                text = text.splitlines()[0]
+        text = None if self.tracebacks else _told(error)
+        if text is not None:
             print(f"{self.name}: {text}", file=sys.stderr)
-            raise SystemExit(USER_ERROR) from None
+            raise (ValueError(text) if self.raised else SystemExit(USER_ERROR)) from None
+        if self.raised and isinstance(error, Exception):
+            traceback.print_exception(error)
+
+
+def _told(error: BaseException | None) -> str | None:
+    """What is to be said of a user's mistake, None for anything else."""
+    if (text := told_by_queue(error)) is not None:
+        return text
+    if not isinstance(error, MISTAKES):
+        return None
+    text = str(error).strip()
+    return text.splitlines()[0] if isinstance(error, OmegaConfBaseException) else text
 
 
 def _ended_by_lightning(error: BaseException | None) -> bool:
@@ -108,6 +138,7 @@ def _check(arguments: list[str], name: str) -> None:
     asks = options.help or options.hydra_help or options.info or options.shell_completion
     if asks or options.config_path or options.experimental_rerun:
         return
+    refuse_missing(options.overrides)
     folders = [options.config_dir] if options.config_dir else []
     main = options.config_name or MAIN
     fixed, choices = _choices(options, folders)

@@ -49,15 +49,20 @@ def conf_folder() -> Path:
 
 
 def register(store: ConfigStore | None = None, overrides: Sequence[str] = ()) -> None:
-    """Make the schema known to a store, Hydra's own unless another is given, and `${when:condition,text}` to all: the
-    text where the condition holds, or nothing. Methods of other packages are those that `overrides` name."""
-    OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
-    OmegaConf.register_new_resolver("join", ",".join, replace=True)
+    """Make the schema known to a store, Hydra's own unless another is given, and `resolvers` to all. Methods of other
+    packages are those that `overrides` name."""
+    resolvers()
     store = ConfigStore.instance() if store is None else store
     store.store(name="schema", node=_writable(OmegaConf.structured(Config)))
     for name in BUILT_IN:
         store.store(group="method", name=f"{name}_schema", node=_method_node(name))
     register_methods(overrides, store)
+
+
+def resolvers() -> None:
+    """Make `${when:condition,text}` known, the text where the condition holds or nothing, and `${join:list}`."""
+    OmegaConf.register_new_resolver("when", lambda condition, text: text if condition else "", replace=True)
+    OmegaConf.register_new_resolver("join", ",".join, replace=True)
 
 
 def register_methods(overrides: Sequence[str], store: ConfigStore) -> None:

@@ -46,7 +46,7 @@ def trainer_of(config: DictConfig, folder: Path, callbacks: Sequence[Callback], 
             value; or the logger or callback that cannot be made.
     """
     warnings.filterwarnings("ignore", message=".*LeafSpec")  # Lightning's own, about torch
-    warnings.filterwarnings("ignore", message="The `srun` command is available")  # where SLURM is, wanted or not
+    warnings.filterwarnings("ignore", message="The `srun` command is available")  # where one job needs no SLURM
     logging.getLogger("lightning.pytorch").setLevel(logging.WARNING)
     asked = _asked(config)
     chosen = {"default_root_dir": str(folder)} | arguments | asked
