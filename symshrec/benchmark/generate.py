@@ -43,12 +43,13 @@ def generate_cloud(config: BenchmarkConfig, split: str, index: int) -> LabelledC
     draw = draw_planeless if family == PLANELESS else partial(draw_shape, family)
     shape = draw(generator(config.seed, split, index, SHAPE), config)
     pose = draw_pose(generator(config.seed, split, index, POSE), config.pose)
-    points, planes, scaling = shape.surface.points(shape.chart), shape.planes, config.surface.unit_scaling
+    points, planes, scaling = shape.points, shape.planes, config.surface.unit_scaling
     if scaling is UnitScaling.after_noise:
         scene = Scene(points, planes, shape.surface, shape.chart)
         points, drawn, planes = PERTURB[perturbation](scene, noise, config.noise)
     factor = 1.0 if scaling is UnitScaling.never else shape.unit_factor
-    points[:, :2] *= factor
+    for coordinate in points.T[:2]:
+        coordinate *= factor
     points, planes = pose(points), planes.transformed(pose.rotation, pose.translation)
     if scaling is not UnitScaling.after_noise:
         surface = Moved(shape.surface, pose.rotation * [factor, factor, 1.0], pose.translation)

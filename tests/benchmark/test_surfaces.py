@@ -78,6 +78,22 @@ def test_normals_are_across_the_surface(family, solid):
 
 
 @pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_points_of_a_shape_are_the_surface_where_its_chart_says(family, solid):
+    config = clean_config(family, solid)
+    shape = draw_shape(family, np.random.default_rng(2), config)
+    u, shares, branch = shape.chart.T
+    section = shape.surface.curve.at(u, branch)
+    heights = shape.surface.height * shares - shape.surface.height / 2
+    plain = np.column_stack([section if solid == "cylinder" else section * shares[:, None], heights])
+    np.testing.assert_array_equal(shape.points, plain)
+    np.testing.assert_array_equal(shape.surface.points(shape.chart), plain)
+    assert shape.unit_factor == 1 / section.max()
+    with pytest.raises(ValueError, match="read-only"):  # other shapes have the same planes
+        shape.planes.normals[0] = 0
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
 def test_number_of_planes_is_lines_and_one_for_the_cylinder(solid):
     for family in FAMILIES:
         config = clean_config(family, solid)
