@@ -22,7 +22,14 @@ from symshrec.benchmark.shard_file import encode_shard
 from symshrec.benchmark.shards import cloud_name
 from symshrec.benchmark.surfaces import Moved, draw_shape
 from symshrec.benchmark.tasks import Part, Task, kept, refuse_other, request_of, sidecar, sidecar_text, tasks_of
-from symshrec.files.atomic import joint_writer, remove_temporaries, require_room, sole_writer, write_atomically
+from symshrec.files.atomic import (
+    atomic_writer,
+    joint_writer,
+    remove_temporaries,
+    require_room,
+    sole_writer,
+    write_atomically,
+)
 from symshrec.files.pool import ProcessPool, WorkerDiedError
 
 SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
@@ -141,7 +148,8 @@ def _estimate(config: BenchmarkConfig, tasks: list[Task]) -> int:
         clouds = [
             generate_cloud(config, split, index) for index in range(min(PROBED_CLOUDS, config.splits[split].clouds))
         ]
-        total += len(encode_shard(clouds, split)) / len(clouds) * sum(t.clouds for t in tasks if t.split == split)
+        size = sum(map(len, encode_shard(clouds, split)))
+        total += size / len(clouds) * sum(t.clouds for t in tasks if t.split == split)
     return round(total)
 
 
@@ -175,8 +183,10 @@ def _produce(config, root, tasks: list[Task], expected: dict[str, str], workers:
 def _write_shard(config: BenchmarkConfig, root: Path, task: Task, expected: str | None) -> ShardRecord:
     """Generate and write one shard, then its sidecar; with an expected sha256 the manifest already records it."""
     clouds = [generate_cloud(config, task.split, index) for index in range(task.first, task.first + task.clouds)]
-    data = encode_shard(clouds, task.split)
-    sha256 = hashlib.sha256(data).hexdigest()
+    content, digest = encode_shard(clouds, task.split), hashlib.sha256()
+    for part in content:
+        digest.update(part)
+    sha256, size = digest.hexdigest(), sum(map(len, content))
     if expected is not None and sha256 != expected:
         raise ShardError(
             f"{root / task.file} cannot be made anew as the manifest records it: the code, NumPy or the processor is "
@@ -189,10 +199,11 @@ def _write_shard(config: BenchmarkConfig, root: Path, task: Task, expected: str 
         families=dict(Counter(cloud.labels.family for cloud in clouds)),
         solids=dict(Counter(cloud.labels.solid for cloud in clouds)),
         perturbations=dict(Counter(cloud.labels.perturbation for cloud in clouds)),
-        bytes=len(data),
+        bytes=size,
         sha256=sha256,
     )
-    write_atomically(root / task.file, data)
+    with atomic_writer(root / task.file, size) as file:
+        file.writelines(content)
     if expected is None:
         write_atomically(root / sidecar(task.file), sidecar_text(record, request_of(config)).encode())
     return record

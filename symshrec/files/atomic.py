@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 TEMPORARY = ".{name}.{process}.partial"
@@ -31,21 +32,35 @@ def write_atomically(path: Path, data: bytes, sync: bool = True) -> None:
     Raises:
         DiskFullError: where the disk, a quota or a file-size limit stops it; nothing is left behind.
     """
+    with atomic_writer(path, len(data), sync) as file:
+        file.write(data)
+
+
+@contextmanager
+def atomic_writer(path: Path, size: int, sync: bool = True) -> Iterator[BinaryIO]:
+    """A file to write, which takes the place of `path` when it is whole, as `write_atomically` says.
+
+    Args:
+        size: bytes to come, for the error's words. sync: wait for the disk.
+
+    Raises:
+        DiskFullError: as `write_atomically`.
+    """
     process = f"{os.getpid()}-{secrets.token_hex(4)}"  # other machines have processes of this number too
     temporary = path.with_name(TEMPORARY.format(name=path.name, process=process))
     try:
         with open(temporary, "wb") as file:
-            file.write(data)
+            yield file
             if sync:
                 file.flush()
                 os.fsync(file.fileno())
         os.replace(temporary, path)
-    except OSError as error:
+    except BaseException as error:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
-        if error.errno in FULL:
+        if isinstance(error, OSError) and error.errno in FULL:
             raise DiskFullError(
-                f"no room for {path} ({len(data) / 1e6:.1f} MB): {error.strerror}. Free some space and run the same "
+                f"no room for {path} ({size / 1e6:.1f} MB): {error.strerror}. Free some space and run the same "
                 "command again; finished files are kept"
             ) from error
         raise

@@ -181,7 +181,7 @@ def test_damaged_shards_of_a_finished_folder_are_made_anew_and_no_others(uninter
     assert (root / "manifest.json").read_bytes() == manifest
     assert (root / "train-00004.safetensors").stat().st_mtime_ns == untouched
     (root / "train-00005.safetensors").unlink()
-    monkeypatch.setattr("symshrec.benchmark.generate.encode_shard", lambda clouds, split: b"a later version's bytes")
+    monkeypatch.setattr("symshrec.benchmark.generate.encode_shard", lambda clouds, split: [b"a later version's"])
     with pytest.raises(ShardError, match=r"train-00005.*cannot be made anew as the manifest records it"):
         generate_dataset(small_config(210, 42, 7), root, workers=1, progress=False)
     assert not (root / "train-00005.safetensors").exists()
