@@ -12,7 +12,7 @@ from safetensors.numpy import load, save
 
 from symshrec.benchmark import shards
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
-from symshrec.benchmark.generate import generate_cloud, generate_dataset
+from symshrec.benchmark.generate import generate_cloud, generate_clouds, generate_dataset
 from symshrec.benchmark.shard_file import encode_shard
 from symshrec.benchmark.shards import ShardedSplit, ShardError, read_manifest
 
@@ -61,7 +61,7 @@ def test_what_is_read_is_what_was_generated(pristine, split):
 @pytest.mark.parametrize("families", [None, {"planeless": 9}])
 def test_a_shard_is_the_file_that_the_safetensors_library_writes(families):
     config = replace(CONFIG, splits={"test": SplitConfig(9, families=families)})
-    clouds = [generate_cloud(config, "test", index) for index in range(9)]
+    clouds = list(generate_clouds(config, "test", range(9)))
     data = b"".join(encode_shard(clouds, "test"))
     arrays = load(data)
     np.testing.assert_array_equal(arrays["points"], np.concatenate([cloud.points for cloud in clouds]))

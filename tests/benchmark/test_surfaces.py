@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from symshrec.benchmark.balance import generator
 from symshrec.benchmark.cloud import FAMILIES, SOLIDS
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig, UnitScaling
 from symshrec.benchmark.curves import draw_curve
 from symshrec.benchmark.generate import SHAPE, generate_cloud
+from symshrec.benchmark.randomness import generator
 from symshrec.benchmark.surfaces import draw_shape
 from symshrec.planes import Planes
 
