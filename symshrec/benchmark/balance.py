@@ -1,6 +1,5 @@
 """§2.1–2.2 Which family and perturbation each cloud of a split has: random order, exact counts."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -9,6 +8,7 @@ import numpy as np
 
 from symshrec.benchmark.cloud import ALL_FAMILIES, FAMILIES, PERTURBATIONS, PUBLISHED_PERTURBATIONS
 from symshrec.benchmark.config import BenchmarkConfig
+from symshrec.benchmark.randomness import generator
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,12 +39,6 @@ def split_labels(config: BenchmarkConfig, split: str) -> SplitLabels:
     name, even = f"splits.{split}.perturbations", len(PUBLISHED_PERTURBATIONS)
     perturbations = _counts(name, sizes.perturbations, PERTURBATIONS, sizes.clouds, even)
     return _labels(config.seed, split, families, perturbations)
-
-
-def generator(seed: int, split: str, *key: int) -> np.random.Generator:
-    """The random stream of (seed, split, *key), independent of every other and of any order of drawing."""
-    split_number = int.from_bytes(hashlib.sha256(split.encode()).digest()[:4], "little")
-    return np.random.Generator(np.random.PCG64(np.random.SeedSequence(seed, spawn_key=(split_number, *key))))
 
 
 def _counts(name: str, given: dict[str, int] | None, names: Sequence[str], clouds: int, even: int) -> tuple[int, ...]:

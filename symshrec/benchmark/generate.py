@@ -2,7 +2,7 @@
 
 import hashlib
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -10,22 +10,30 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from symshrec.benchmark.balance import generator, split_labels
+from symshrec.benchmark.balance import SplitLabels, split_labels
 from symshrec.benchmark.cloud import ALL_FAMILIES, PERTURBATIONS, PLANELESS, LabelledCloud, Labels
 from symshrec.benchmark.config import BenchmarkConfig, UnitScaling, check_config
 from symshrec.benchmark.manifest import MANIFEST, REQUEST, Manifest, ShardError, ShardRecord, json_text, read_manifest
 from symshrec.benchmark.perturbations import PERTURBATIONS as PERTURB
 from symshrec.benchmark.planeless import draw_planeless
 from symshrec.benchmark.poses import draw_pose
+from symshrec.benchmark.randomness import generator, generators
 from symshrec.benchmark.scene import Scene
 from symshrec.benchmark.shard_file import encode_shard
 from symshrec.benchmark.shards import cloud_name
 from symshrec.benchmark.surfaces import Moved, draw_shape
 from symshrec.benchmark.tasks import Part, Task, kept, refuse_other, request_of, sidecar, sidecar_text, tasks_of
-from symshrec.files.atomic import joint_writer, remove_temporaries, require_room, sole_writer, write_atomically
+from symshrec.files.atomic import (
+    atomic_writer,
+    joint_writer,
+    remove_temporaries,
+    require_room,
+    sole_writer,
+    write_atomically,
+)
 from symshrec.files.pool import ProcessPool, WorkerDiedError
 
-SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
+STREAMS = SHAPE, POSE, PERTURBATION = range(3)  # a stream each: another pose or noise leaves the shape as it is
 PROBED_CLOUDS = 42
 
 
@@ -35,20 +43,51 @@ def generate_cloud(config: BenchmarkConfig, split: str, index: int) -> LabelledC
     Raises:
         ValueError: for a split the config lacks. IndexError: for an index outside the split.
     """
+    labels = _labels(config, split, [index])
+    return _cloud(config, split, index, labels, *(generator(config.seed, split, index, stream) for stream in STREAMS))
+
+
+def generate_clouds(config: BenchmarkConfig, split: str, indices: Sequence[int]) -> Iterator[LabelledCloud]:
+    """The clouds of a split at these indices, one after the other: what `generate_cloud` gives for each, in less time.
+
+    Raises:
+        ValueError, IndexError: as `generate_cloud`.
+    """
+    labels = _labels(config, split, indices)
+    streams = generators(config.seed, split, np.array([(index, stream) for index in indices for stream in STREAMS]))
+    for index, *of_cloud in zip(indices, streams, streams, streams, strict=True):
+        yield _cloud(config, split, index, labels, *of_cloud)
+
+
+def _labels(config: BenchmarkConfig, split: str, indices: Sequence[int]) -> SplitLabels:
+    """The split's labels, where it has clouds at these indices."""
     labels = split_labels(config, split)
-    if not 0 <= index < len(labels):
-        raise IndexError(f"cloud {index} of split {split!r}, which has {len(labels)} clouds")
+    for index in indices:
+        if not 0 <= index < len(labels):
+            raise IndexError(f"cloud {index} of split {split!r}, which has {len(labels)} clouds")
+    return labels
+
+
+def _cloud(
+    config: BenchmarkConfig,
+    split: str,
+    index: int,
+    labels: SplitLabels,
+    of_shape: np.random.Generator,
+    of_pose: np.random.Generator,
+    noise: np.random.Generator,
+) -> LabelledCloud:
     family, perturbation = ALL_FAMILIES[labels.families[index]], PERTURBATIONS[labels.perturbations[index]]
-    noise = generator(config.seed, split, index, PERTURBATION)
     draw = draw_planeless if family == PLANELESS else partial(draw_shape, family)
-    shape = draw(generator(config.seed, split, index, SHAPE), config)
-    pose = draw_pose(generator(config.seed, split, index, POSE), config.pose)
-    points, planes, scaling = shape.surface.points(shape.chart), shape.planes, config.surface.unit_scaling
+    shape = draw(of_shape, config)
+    pose = draw_pose(of_pose, config.pose)
+    points, planes, scaling = shape.points, shape.planes, config.surface.unit_scaling
     if scaling is UnitScaling.after_noise:
         scene = Scene(points, planes, shape.surface, shape.chart)
         points, drawn, planes = PERTURB[perturbation](scene, noise, config.noise)
     factor = 1.0 if scaling is UnitScaling.never else shape.unit_factor
-    points[:, :2] *= factor
+    for coordinate in points.T[:2]:
+        coordinate *= factor
     points, planes = pose(points), planes.transformed(pose.rotation, pose.translation)
     if scaling is not UnitScaling.after_noise:
         surface = Moved(shape.surface, pose.rotation * [factor, factor, 1.0], pose.translation)
@@ -137,10 +176,9 @@ def _estimate(config: BenchmarkConfig, tasks: list[Task]) -> int:
     """Bytes that the tasks' shards will take, from a few clouds of each split."""
     total = 0.0
     for split in {task.split for task in tasks}:
-        clouds = [
-            generate_cloud(config, split, index) for index in range(min(PROBED_CLOUDS, config.splits[split].clouds))
-        ]
-        total += len(encode_shard(clouds, split)) / len(clouds) * sum(t.clouds for t in tasks if t.split == split)
+        clouds = list(generate_clouds(config, split, range(min(PROBED_CLOUDS, config.splits[split].clouds))))
+        size = sum(map(len, encode_shard(clouds, split)))
+        total += size / len(clouds) * sum(t.clouds for t in tasks if t.split == split)
     return round(total)
 
 
@@ -173,9 +211,11 @@ def _produce(config, root, tasks: list[Task], expected: dict[str, str], workers:
 
 def _write_shard(config: BenchmarkConfig, root: Path, task: Task, expected: str | None) -> ShardRecord:
     """Generate and write one shard, then its sidecar; with an expected sha256 the manifest already records it."""
-    clouds = [generate_cloud(config, task.split, index) for index in range(task.first, task.first + task.clouds)]
-    data = encode_shard(clouds, task.split)
-    sha256 = hashlib.sha256(data).hexdigest()
+    clouds = list(generate_clouds(config, task.split, range(task.first, task.first + task.clouds)))
+    content, digest = encode_shard(clouds, task.split), hashlib.sha256()
+    for part in content:
+        digest.update(part)
+    sha256, size = digest.hexdigest(), sum(map(len, content))
     if expected is not None and sha256 != expected:
         raise ShardError(
             f"{root / task.file} cannot be made anew as the manifest records it: the code, NumPy or the processor is "
@@ -188,10 +228,11 @@ def _write_shard(config: BenchmarkConfig, root: Path, task: Task, expected: str 
         families=dict(Counter(cloud.labels.family for cloud in clouds)),
         solids=dict(Counter(cloud.labels.solid for cloud in clouds)),
         perturbations=dict(Counter(cloud.labels.perturbation for cloud in clouds)),
-        bytes=len(data),
+        bytes=size,
         sha256=sha256,
     )
-    write_atomically(root / task.file, data)
+    with atomic_writer(root / task.file, size) as file:
+        file.writelines(content)
     if expected is None:
         write_atomically(root / sidecar(task.file), sidecar_text(record, request_of(config)).encode())
     return record

@@ -40,7 +40,7 @@ def undersampling(points: np.ndarray, rng: np.random.Generator, config: NoiseCon
     removed = min(round(share * len(points)), len(points) - 1)
     keep = np.ones(len(points), dtype=bool)
     keep[_rows(len(points), removed, rng)] = False
-    return points[keep], {"removed_fraction": share}
+    return points.compress(keep, axis=0), {"removed_fraction": share}
 
 
 def in_turn(*perturbations: Callable[..., Made]) -> Callable[..., Made]:
@@ -138,5 +138,8 @@ def _moved(points, rng, config, choices, power, draw) -> Made:
     per_point = config.n_per is DrawnPer.point
     n = rng.choice(choices, (len(rows), 1)) if per_point else rng.choice(choices)
     shifts = draw((len(rows), 1 if config.shift is NoiseShift.scalar else 3))
-    points[rows] += shifts * np.power(n, -float(power))
+    shifts = np.broadcast_to(shifts * np.power(n, -float(power)), (len(rows), 3))
+    # One coordinate after the other, here and elsewhere: NumPy is slow where the innermost loop is over three numbers.
+    for coordinate, shift in zip(points.T, shifts.T, strict=True):
+        coordinate[rows] += shift
     return points, {"noise_fraction": share} | ({} if per_point else {"noise_n": float(n)})

@@ -24,7 +24,7 @@ def draw_planeless(rng: np.random.Generator, config: BenchmarkConfig) -> Shape:
     kind = PLANELESS_SOLIDS[rng.integers(len(PLANELESS_SOLIDS))]
     surface, parameters = KINDS[kind](rng, config)
     chart = surface.draw(config.surface.points, rng)
-    return Shape(surface, chart, 1.0, Planes.empty(), kind, parameters)
+    return Shape(surface, chart, surface.points(chart), 1.0, Planes.empty(), kind, parameters)
 
 
 def sheared(rng: np.random.Generator, config: BenchmarkConfig) -> tuple[Surface, dict[str, float]]:

@@ -17,7 +17,10 @@ class Pose:
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         """Moved copies of points (N, 3)."""
-        return points @ self.rotation.T + self.translation
+        moved = points @ self.rotation.T
+        for coordinate, shift in zip(moved.T, self.translation, strict=True):
+            coordinate += shift
+        return moved
 
 
 def draw_pose(rng: np.random.Generator, config: PoseConfig) -> Pose:

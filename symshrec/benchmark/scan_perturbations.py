@@ -7,7 +7,6 @@ diagonal of the clean cloud's axis-aligned box, wherever the shape lies.
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial import ConvexHull, cKDTree
 
 from symshrec.benchmark.config import NoiseConfig
 from symshrec.benchmark.ranges import uniform_in
@@ -61,6 +60,8 @@ def single_view(scene: Scene, rng: np.random.Generator, config: NoiseConfig) -> 
     Every point is flipped over a sphere about the camera, whose radius is `reach` times the farthest point's distance;
     those on the convex hull of the flipped points and the camera are seen. They keep their order.
     """
+    from scipy.spatial import ConvexHull  # half of a worker's start, and most data need none
+
     camera = _viewpoint(scene, rng, config)
     rays = scene.points - camera
     distances = np.linalg.norm(rays, axis=1, keepdims=True)
@@ -182,6 +183,8 @@ def _redrawn(scene: Scene, weights: Callable[..., np.ndarray], rng: np.random.Ge
 
 def _density(points: np.ndarray) -> float:
     """Points per unit of surface, the median over the points of what their nearest neighbours say."""
+    from scipy.spatial import cKDTree  # as in P12
+
     neighbours = min(DENSITY_NEIGHBOURS, len(points) - 1)
     reach = cKDTree(points).query(points, [neighbours + 1])[0]
     return float(neighbours / (np.pi * np.median(reach) ** 2))

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from safetensors.numpy import save
 
 from symshrec.benchmark.cloud import (
     ALL_FAMILIES,
@@ -30,12 +29,15 @@ NAMES = {
     "perturbation": (PUBLISHED_PERTURBATIONS, PUBLISHED_PERTURBATIONS + HARD_PERTURBATIONS, PERTURBATIONS),
 }
 LABELS = tuple(NAMES)
-DTYPES: dict[str, type[np.generic]] = {"F32": np.float32, "F64": np.float64, "I64": np.int64, "U8": np.uint8}
+# In the order in which a file holds them.
+DTYPES: dict[str, type[np.generic]] = {"I64": np.int64, "F64": np.float64, "F32": np.float32, "U8": np.uint8}
 ROUNDING = 1e-6  # that lengths of normals and rotations may be off one
 
 
-def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
+def encode_shard(clouds: list[LabelledCloud], split: str) -> list[memoryview]:
     """The file of consecutive clouds of a split: safetensors, arrays end to end with their starts.
+
+    It comes in parts to be written one after the other, so that nothing is copied before.
 
     points (ΣN, 3) float32 with point_starts (C + 1,); plane_normals, plane_points (ΣK, 3) float64 with plane_starts;
     family, solid, perturbation (C,) uint8, places in the names kept as metadata; rotation (C, 3, 3), translation (C, 3)
@@ -45,7 +47,6 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
     labels = [cloud.labels for cloud in clouds]
     listed = {label: _shortest(label, {getattr(each, label) for each in labels}) for label in LABELS}
     arrays = {
-        "points": np.concatenate([cloud.points for cloud in clouds]),
         "point_starts": _starts(len(cloud.points) for cloud in clouds),
         "plane_normals": np.concatenate([cloud.truth.normals for cloud in clouds]),
         "plane_points": np.concatenate([cloud.truth.points for cloud in clouds]),
@@ -61,7 +62,24 @@ def encode_shard(clouds: list[LabelledCloud], split: str) -> bytes:
         ),
     }
     about = {"split": split, "first": clouds[0].id, "parameters": parameters, **listed}
-    return save(arrays, {METADATA: json.dumps(about, sort_keys=True)})
+    pieces = {"points": [cloud.points for cloud in clouds], **{name: [array] for name, array in arrays.items()}}
+    return _parts(pieces, json.dumps(about, sort_keys=True))
+
+
+def _parts(pieces: dict[str, list[np.ndarray]], about: str) -> list[memoryview]:
+    """A safetensors file of arrays given in pieces, to the byte as its library lays it out: by type, then by name."""
+    header: dict[str, Any] = {HEADER: {METADATA: about}}
+    content: list[memoryview] = []
+    end = 0
+    for code, kind in DTYPES.items():
+        for name, parts in sorted(each for each in pieces.items() if each[1][0].dtype == kind):
+            start, end = end, end + sum(part.nbytes for part in parts)
+            shape = [sum(map(len, parts)), *parts[0].shape[1:]]
+            header[name] = {"dtype": code, "shape": shape, "data_offsets": [start, end]}
+            content += [part.ravel().view(np.uint8).data for part in parts]
+    text = json.dumps(header, ensure_ascii=False, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 8)  # so that the arrays are aligned
+    return [memoryview(len(text).to_bytes(8, "little")), memoryview(text), *content]
 
 
 def _shortest(label: str, needed: set[str]) -> tuple[str, ...]:

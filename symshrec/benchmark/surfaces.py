@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -69,9 +70,13 @@ class Extrusion(Surface):
 
     def points(self, chart: np.ndarray) -> np.ndarray:
         """The points (N, 3) at places (N, 3)."""
-        section, shares = self.section(chart), chart[:, 1]
-        points = np.empty((len(chart), 3))
-        points[:, :2] = section if self.solid == "cylinder" else section * shares[:, None]
+        return self.raised(self.section(chart), chart[:, 1])
+
+    def raised(self, section: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """The points (N, 3) over the curve's points (N, 2), at these shares (N,) of the height."""
+        points = np.empty((len(section), 3))
+        for on_curve, raised in zip(section.T, points.T[:2], strict=True):
+            raised[:] = on_curve if self.solid == "cylinder" else on_curve * shares
         points[:, 2] = self.height * shares - self.height / 2
         return points
 
@@ -101,25 +106,33 @@ class Moved(Surface):
 class Shape:
     """A surface in its own frame, the local origin half-way up, with the places on it that become the cloud.
 
-    chart (N, C): those places. unit_factor: what scales x and y to the unit size. planes: the true planes, all through
-    the local origin; scaling x and y alike leaves them where they are.
+    chart (N, C): those places; points (N, 3): the surface's there. unit_factor: what scales x and y to the unit size.
+    planes: the true planes, all through the local origin; scaling x and y alike leaves them where they are.
     """
 
     surface: Surface
     chart: np.ndarray
+    points: np.ndarray
     unit_factor: float
     planes: Planes
     solid: str
     parameters: dict[str, float]
 
 
-def true_planes(mirror_angles: np.ndarray, solid: str) -> Planes:
-    """Mirror planes of the surface over a curve with these mirror lines (L,): L, and z = 0 for a cylinder."""
-    zeros = np.zeros_like(mirror_angles)
-    normals = np.stack([-np.sin(mirror_angles), np.cos(mirror_angles), zeros], axis=1)
+@lru_cache(maxsize=64)
+def true_planes(mirror_angles: tuple[float, ...], solid: str) -> Planes:
+    """Mirror planes of the surface over a curve with these mirror lines: as many, and z = 0 for a cylinder.
+
+    Their arrays are not to be changed: the next cloud with the same lines has them too.
+    """
+    angles = np.array(mirror_angles)
+    normals = np.stack([-np.sin(angles), np.cos(angles), np.zeros_like(angles)], axis=1)
     if solid == "cylinder":
         normals = np.concatenate([normals, [[0.0, 0.0, 1.0]]])
-    return Planes(normals, np.zeros_like(normals))
+    planes = Planes(normals, np.zeros_like(normals))
+    planes.normals.setflags(write=False)
+    planes.points.setflags(write=False)
+    return planes
 
 
 def draw_shape(family: str, rng: np.random.Generator, config: BenchmarkConfig) -> Shape:
@@ -134,8 +147,10 @@ def draw_shape(family: str, rng: np.random.Generator, config: BenchmarkConfig) -
     count = config.surface.citrus_points if family == "citrus" else config.surface.points
     chart = surface.draw(count, rng)
     parameters = {**curve.parameters, "height": surface.height}
-    planes = true_planes(curve.mirror_angles, solid)
-    return Shape(surface, chart, 1 / surface.section(chart).max(), planes, solid, parameters)
+    planes = true_planes(tuple(curve.mirror_angles), solid)
+    section = surface.section(chart)
+    points = surface.raised(section, chart[:, 1])
+    return Shape(surface, chart, points, 1 / section.max(), planes, solid, parameters)
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

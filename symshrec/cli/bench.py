@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from symshrec.methods.m2.module import M2
     from symshrec.speed.timing import Timing
 
-PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=2100", "data.benchmark.clouds_per_shard=105"]
+PAPER_SIZED = ["data=smoke", "data.benchmark.splits.train.clouds=4200", "data.benchmark.clouds_per_shard=105"]
 BASELINES = {"pca_icp": "PCA + ICP", "ransac": "RANSAC + ICP"}
 
 

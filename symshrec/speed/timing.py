@@ -1,6 +1,5 @@
 """Speeds and their ratios within one run: generator, scoring and methods beside the plain way of doing the same."""
 
-import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.official import write_track
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.data.datamodule import collate
+from symshrec.files.atomic import write_atomically
 from symshrec.files.threads import one_thread
 from symshrec.methods.base import SymmetryMethod
 from symshrec.methods.m3.pipeline import spatial_order
@@ -72,10 +72,8 @@ def generator_timings(config: BenchmarkConfig, folder: Path, workers: int) -> It
 
 
 def _write_all(folder: Path, contents: Sequence[bytes]) -> None:
-    for number, data in enumerate(contents):
-        with open(folder / f"copy-{number}", "wb") as file:
-            file.write(data)
-            os.fsync(file.fileno())
+    for content in contents:
+        write_atomically(folder / "copy", content)
 
 
 def scoring_timing(clouds: int = 9000, plain_clouds: int = 60) -> Timing:

@@ -23,7 +23,7 @@ from symshrec.benchmark.config import (
     SplitConfig,
     SurfaceConfig,
 )
-from symshrec.benchmark.generate import generate_cloud, generate_dataset
+from symshrec.benchmark.generate import generate_cloud, generate_clouds, generate_dataset
 from symshrec.benchmark.manifest import ShardError, read_manifest
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.files.atomic import DiskFullError, FolderInUseError, sole_writer
@@ -54,13 +54,18 @@ def test_a_cloud_depends_on_seed_split_and_index_alone():
     config.clouds_per_shard = 7
     same_cloud(clouds[1], generate_cloud(config, "train", 4))
     same_cloud(clouds[0], generate_cloud(config, "train", 3))
+    for one, other in zip(generate_clouds(config, "train", [4, 3]), clouds[::-1], strict=True):
+        same_cloud(one, other)
     heights = {cloud.labels.parameters["height"] for cloud in clouds}
     heights.add(generate_cloud(config, "test", 3).labels.parameters["height"])
     config.seed = 1
     heights.add(generate_cloud(config, "train", 3).labels.parameters["height"])
     assert len(heights) == 4
-    with pytest.raises(IndexError, match="84"):
-        generate_cloud(config, "train", 84)
+    for index in (84, -1):
+        with pytest.raises(IndexError, match=f"cloud {index} of split 'train', which has 84"):
+            generate_cloud(config, "train", index)
+        with pytest.raises(IndexError, match=f"cloud {index} of split 'train', which has 84"):
+            list(generate_clouds(config, "train", [0, index]))
     with pytest.raises(ValueError, match="no split 'val'; it has train, test"):
         generate_cloud(config, "val", 0)
 
@@ -181,7 +186,7 @@ def test_damaged_shards_of_a_finished_folder_are_made_anew_and_no_others(uninter
     assert (root / "manifest.json").read_bytes() == manifest
     assert (root / "train-00004.safetensors").stat().st_mtime_ns == untouched
     (root / "train-00005.safetensors").unlink()
-    monkeypatch.setattr("symshrec.benchmark.generate.encode_shard", lambda clouds, split: b"a later version's bytes")
+    monkeypatch.setattr("symshrec.benchmark.generate.encode_shard", lambda clouds, split: [b"a later version's"])
     with pytest.raises(ShardError, match=r"train-00005.*cannot be made anew as the manifest records it"):
         generate_dataset(small_config(210, 42, 7), root, workers=1, progress=False)
     assert not (root / "train-00005.safetensors").exists()

@@ -56,6 +56,21 @@ def test_noise_moves_the_drawn_share_by_the_drawn_n(name):
     assert seen == set(config.uniform_n if name == "P1" else config.gaussian_n)
 
 
+def test_noise_is_to_the_bit_that_of_these_draws_added_to_rows():
+    config = NoiseConfig()
+    for seed in range(5):
+        rng, plain = np.random.default_rng(seed), POINTS.copy()
+        share = rng.uniform(*config.fraction)
+        rows = rng.permutation(len(plain))[: round(share * len(plain))]
+        n = rng.choice(config.uniform_n)
+        plain[rows] += rng.uniform(-1.0, 1.0, (len(rows), 3)) * np.power(n, -1.0)
+        np.testing.assert_array_equal(perturbed("P1", config, seed)[0], plain)
+        kept = np.ones(len(plain), dtype=bool)
+        removed = round(rng.uniform(*config.removed_fraction) * len(plain))
+        kept[rng.permutation(len(plain))[:removed]] = False
+        np.testing.assert_array_equal(perturbed("P4", config, seed)[0], plain[kept])
+
+
 def test_undersampling_keeps_order_and_the_drawn_share():
     shares = []
     for seed in range(30):

@@ -5,12 +5,12 @@ import pytest
 from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 
-from symshrec.benchmark.balance import generator
 from symshrec.benchmark.cloud import PLANELESS_SOLIDS
 from symshrec.benchmark.config import BenchmarkConfig, SplitConfig, SurfaceConfig
 from symshrec.benchmark.generate import generate_cloud, generate_dataset
 from symshrec.benchmark.official import read_planes, write_track
 from symshrec.benchmark.planeless import KINDS
+from symshrec.benchmark.randomness import generator
 from symshrec.benchmark.shards import ShardedSplit
 from symshrec.benchmark.surfaces import draw_shape
 from symshrec.data.datamodule import SymmetryDataModule

@@ -28,3 +28,9 @@ def test_poses_are_drawn_from_their_group(group):
         assert degrees.max() > 150
     if group is PoseGroup.so3:
         assert np.abs(rotations.mean(0)).max() < 0.15
+
+
+def test_a_pose_is_to_the_bit_a_product_and_a_sum():
+    rng = np.random.default_rng(1)
+    pose, points = draw_pose(rng, PoseConfig(PoseGroup.so3)), rng.normal(size=(1000, 3))
+    np.testing.assert_array_equal(pose(points), points @ pose.rotation.T + pose.translation)

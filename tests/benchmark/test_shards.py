@@ -1,5 +1,6 @@
 """Shards on disk: what is read is what was generated, and damage is found before use."""
 
+import json
 import pickle
 import sys
 from dataclasses import replace
@@ -7,10 +8,11 @@ from subprocess import run
 
 import numpy as np
 import pytest
+from safetensors.numpy import load, save
 
 from symshrec.benchmark import shards
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig
-from symshrec.benchmark.generate import generate_cloud, generate_dataset
+from symshrec.benchmark.generate import generate_cloud, generate_clouds, generate_dataset
 from symshrec.benchmark.shard_file import encode_shard
 from symshrec.benchmark.shards import ShardedSplit, ShardError, read_manifest
 
@@ -54,6 +56,17 @@ def test_what_is_read_is_what_was_generated(pristine, split):
             assert named == (made.labels.family, made.labels.solid, made.labels.perturbation)
             assert named == (clouds.families[index], clouds.solids[index], clouds.perturbations[index])
         assert (read.id, read.name) == (made.id, made.name)
+
+
+@pytest.mark.parametrize("families", [None, {"planeless": 9}])
+def test_a_shard_is_the_file_that_the_safetensors_library_writes(families):
+    config = replace(CONFIG, splits={"test": SplitConfig(9, families=families)})
+    clouds = list(generate_clouds(config, "test", range(9)))
+    data = b"".join(encode_shard(clouds, "test"))
+    arrays = load(data)
+    np.testing.assert_array_equal(arrays["points"], np.concatenate([cloud.points for cloud in clouds]))
+    header = json.loads(data[8 : 8 + int.from_bytes(data[:8], "little")])
+    assert save(arrays, header["__metadata__"]) == data
 
 
 def test_a_shard_of_clouds_without_truth_is_refused_by_name():

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from symshrec.benchmark.balance import generator
 from symshrec.benchmark.cloud import FAMILIES, SOLIDS
 from symshrec.benchmark.config import BenchmarkConfig, PoseConfig, PoseGroup, SplitConfig, SurfaceConfig, UnitScaling
 from symshrec.benchmark.curves import draw_curve
 from symshrec.benchmark.generate import SHAPE, generate_cloud
+from symshrec.benchmark.randomness import generator
 from symshrec.benchmark.surfaces import draw_shape
 from symshrec.planes import Planes
 
@@ -75,6 +75,22 @@ def test_normals_are_across_the_surface(family, solid):
     lean = np.abs((tangents * normals).sum(axis=1)) / np.linalg.norm(tangents, axis=1)
     assert np.median(lean) < 1e-3
     assert np.quantile(lean, 0.95) < 0.05
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+@pytest.mark.parametrize("family", FAMILIES)
+def test_the_points_of_a_shape_are_the_surface_where_its_chart_says(family, solid):
+    config = clean_config(family, solid)
+    shape = draw_shape(family, np.random.default_rng(2), config)
+    u, shares, branch = shape.chart.T
+    section = shape.surface.curve.at(u, branch)
+    heights = shape.surface.height * shares - shape.surface.height / 2
+    plain = np.column_stack([section if solid == "cylinder" else section * shares[:, None], heights])
+    np.testing.assert_array_equal(shape.points, plain)
+    np.testing.assert_array_equal(shape.surface.points(shape.chart), plain)
+    assert shape.unit_factor == 1 / section.max()
+    with pytest.raises(ValueError, match="read-only"):  # other shapes have the same planes
+        shape.planes.normals[0] = 0
 
 
 @pytest.mark.parametrize("solid", SOLIDS)

@@ -10,7 +10,7 @@ from symshrec.methods.m4.module import M4
 from symshrec.methods.m4.settings import M4Settings
 from symshrec.reporting.tables.typeset import markdown
 from symshrec.runs.config import benchmark_of, load
-from symshrec.speed.timing import batch_timing, benchmark_clouds, method_timings, timings_grid
+from symshrec.speed.timing import batch_timing, benchmark_clouds, generator_timings, method_timings, timings_grid
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +26,19 @@ def seconds(text):
 def test_the_timed_clouds_are_as_many_under_every_perturbation(clouds):
     names = [cloud.labels.perturbation for cloud in clouds]
     assert {name: names.count(name) for name in names} == dict.fromkeys(PUBLISHED_PERTURBATIONS, 7)
+
+
+def test_the_generator_is_timed_beside_writing_and_beside_text(tmp_path):
+    small = ["surface.points=200", "surface.citrus_points=200", "splits.train.clouds=84"]
+    config = benchmark_of(load(["data=smoke", *(f"data.benchmark.{each}" for each in small)]))
+    writing, text = generator_timings(config, tmp_path, 1)
+    shards = sorted((tmp_path / "shards").glob("*.safetensors"))
+    assert len(shards) == 6
+    assert (tmp_path / "copy").read_bytes() == shards[-1].read_bytes()
+    assert "against one text file a cloud" in text.what
+    for timing in (writing, text):
+        ours, other = (float(each.partition(" clouds/s")[0]) for each in (timing.ours, timing.other))
+        assert timing.ratio == pytest.approx(ours / other, rel=0.05)
 
 
 def test_methods_have_a_line_beside_each_other_way(clouds, monkeypatch):
