@@ -42,6 +42,21 @@ def test_epochs_are_counted_over_all_sessions_of_a_training(train, tmp_path):
     assert numbers.read_text().splitlines()[:2] == ["training,epochs,validation_mAP", "m1_r4,1.0,0.25"]
 
 
+def test_epochs_go_on_from_the_weights_before_and_earlier_trainings_keep_their_lines(train, tmp_path):
+    folder, results = train("m1_r4", {100: 0.25}), tmp_path / "results"
+    results.mkdir()
+    (folder / "m1_r4" / "training.json").write_text(json.dumps({"before": {"epochs": 29.5}}))
+    (results / "training.csv").write_text(
+        "training,epochs,validation_mAP\nm1_r4,1.0,0.1\nm1_r3,1.0,0.125\nm1_r3,2.0,0.5\n"
+    )
+    write_training_curves(training_curves(folder), results)
+    lines = (results / "training.csv").read_text().splitlines()
+    assert lines[1:] == ["m1_r3,1.0,0.125", "m1_r3,2.0,0.5", "m1_r4,30.5,0.25"]
+    (results / "training.csv").write_text("training,epochs\nm1_r3,1.0\n")
+    with pytest.raises(ValueError, match=r"training\.csv is no training\.csv"):
+        write_training_curves(training_curves(folder), results)
+
+
 def test_a_training_that_does_not_say_how_long_an_epoch_is_is_named(train):
     folder = train("m1", {100: 0.5}, settings={"data.folds": 5})
     with pytest.raises(ValueError, match=r"m1/settings\.json does not say how many steps an epoch has"):

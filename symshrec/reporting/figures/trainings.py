@@ -1,5 +1,6 @@
 """§3.1.1 Validation mAP over the epochs of trainings, out of their TensorBoard files: a figure and its numbers."""
 
+import csv
 import json
 import logging
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ from symshrec.files.atomic import write_atomically
 from symshrec.reporting.figures.figures import COLOURS, save_figure
 from symshrec.reporting.tables.documents import csv_text
 
-EVENTS, SETTINGS, TAG = "tensorboard", "settings.json", "val/mAP"
+EVENTS, SETTINGS, RECORD, TAG = "tensorboard", "settings.json", "training.json", "val/mAP"
 COOLDOWN = "/cooldown_"  # in the name of a branch, whose learning rate falls to zero
 COLUMNS = ("training", "epochs", "validation_mAP")
 Curve = list[tuple[float, float]]
@@ -21,18 +22,22 @@ Curve = list[tuple[float, float]]
 def training_curves(folder: Path) -> dict[str, Curve]:
     """(epochs, validation mAP) of every training below a folder that was validated, by its path in there.
 
+    The epochs of a finished training count on from those of the weights that it started from.
+
     Args:
         folder: runs/<data>/training. A training may still be going on.
 
     Raises:
-        ValueError: for a training whose settings.json is damaged or does not say how long an epoch is.
+        ValueError: for a training whose settings.json is damaged or does not say how long an epoch is, or whose record
+            is damaged.
     """
     curves = {}
     for place in sorted(events.parent for events in Path(folder).rglob(EVENTS)):
         values = _validations(place / EVENTS)
         if values and (place / SETTINGS).exists():
-            steps = steps_per_epoch(place / SETTINGS)
-            curves[place.relative_to(folder).as_posix()] = [(step / steps, value) for step, value in values.items()]
+            steps, before = steps_per_epoch(place / SETTINGS), _epochs_before(place / RECORD)
+            curve = [(before + step / steps, value) for step, value in values.items()]
+            curves[place.relative_to(folder).as_posix()] = curve
     return curves
 
 
@@ -51,13 +56,17 @@ def steps_per_epoch(path: Path) -> float:
 def write_training_curves(curves: Mapping[str, Curve], folder: Path) -> list[Path]:
     """Write training.png and training.csv; returns both.
 
+    Trainings that an earlier training.csv there knows and that are not among the curves, since another machine had
+    them, keep their lines.
+
     Raises:
-        ValueError: where there is no curve.
+        ValueError: where there is no curve, or for a training.csv that is none.
     """
     if not curves:
         raise ValueError("no training was validated; one leaves runs/<data>/training/<name>/tensorboard")
-    rows = [(name, round(epochs, 4), round(value, 6)) for name, curve in curves.items() for epochs, value in curve]
     figure, numbers = Path(folder) / "training.png", Path(folder) / "training.csv"
+    curves = dict(sorted((_published(numbers) | dict(curves)).items()))
+    rows = [(name, round(epochs, 4), round(value, 6)) for name, curve in curves.items() for epochs, value in curve]
     save_figure(training_figure(curves), figure)
     write_atomically(numbers, csv_text(COLUMNS, rows).encode())
     return [figure, numbers]
@@ -81,6 +90,31 @@ def training_figure(curves: Mapping[str, Curve]) -> Figure:
     ax.grid(color="#dddddd", linewidth=0.6)
     ax.legend(loc="lower right", fontsize=9, frameon=False)
     return figure
+
+
+def _epochs_before(record: Path) -> float:
+    """Epochs behind the weights that a training started from; 0 where it has no record yet."""
+    if not record.exists():
+        return 0.0
+    try:
+        return float(json.loads(record.read_text(encoding="utf-8")).get("before", {}).get("epochs", 0.0))
+    except (ValueError, AttributeError, TypeError) as error:
+        raise ValueError(f"{record} is damaged ({error}); remove it, and the same training writes it again") from error
+
+
+def _published(numbers: Path) -> dict[str, Curve]:
+    """The curves of a training.csv; none where it does not exist."""
+    if not numbers.exists():
+        return {}
+    curves: dict[str, Curve] = {}
+    try:
+        with open(numbers, newline="", encoding="utf-8") as file:
+            for row in csv.DictReader(file):
+                name, epochs, value = (row[column] for column in COLUMNS)
+                curves.setdefault(name, []).append((float(epochs), float(value)))
+    except (ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{numbers} is no training.csv ({error!r}); put it right or remove it") from error
+    return curves
 
 
 def _columns(curve: Curve) -> Sequence[Sequence[float]]:
