@@ -82,7 +82,7 @@ def petals(request):
     points = torch.from_numpy(shape.surface.points(shape.chart)).float()
     points = points[farthest_point_sampling(points, torch.tensor([len(points)]), request.param)[0]]
     points = points - points.mean(0)
-    return points / points.norm(dim=1).max(), torch.from_numpy(shape.planes.normals).float()
+    return points / points.norm(dim=1).max(), torch.tensor(shape.planes.normals).float()
 
 
 def through_centre(points, normals):
