@@ -178,24 +178,24 @@ class SymmetryDataModule(LightningDataModule):
     def setup(self, stage: str | None = None) -> None:
         """Open, filter and fold the split that the stage needs."""
         if stage in ("fit", "validate", None):
-            _, val = self._fold(self.positions("train"))
-            positions = self.positions("train")[val][: self.settings.validation_clouds]
+            positions = self.positions("train")
+            train, val = (positions[rows] for rows in self._fold(positions))
             if stage == "fit":
-                self.datasets["train"] = self._training()
-            self.datasets["val"] = self._validation(positions)
+                self.datasets["train"] = self._training(train)
+            self.datasets["val"] = self._validation(val[: self.settings.validation_clouds])
         if stage in ("test", "predict", None):
             name = self.test_split
             self.datasets["test"] = CloudDataset(self.split(name), self.positions(name), self.samples(name))
 
-    def _training(self) -> Dataset:
+    def _training(self, positions: np.ndarray) -> Dataset:
+        """The clouds to learn from: those at these positions, or a stream."""
         settings = self.settings
         if settings.sampling.kind is SamplingKind.none:
             raise ValueError("training needs sampled points; set data.sampling.kind=farthest")
         if settings.stream:
             chosen = partial(passing, keep=self.keep, limit=settings.limit)
             return StreamedDataset(CloudStream(settings.benchmark, "train", chosen), settings.sampling, self.seed)
-        split, samples, positions = self.split("train"), self._drawn("train"), self.positions("train")
-        positions = positions[self._fold(positions)[0]]
+        split, samples = self.split("train"), self._drawn("train")
         if self._in_memory():
             return SampledDataset(split, positions, samples)
         return MappedDataset(positions, *mapped_clouds(split, samples, settings.verify))
